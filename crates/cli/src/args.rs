@@ -1,0 +1,238 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use radiosity::Method;
+
+/// Radiosity: form factors, solutions, comparisons.
+#[derive(Debug, Parser)]
+#[command(name = "radiosity", version, about)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write the matrix of form factors between the faces of a scene (row = from).
+    FormFactors(FormFactorsArgs),
+    /// Solve a scene and write radiosity and irradiance of every element.
+    Solve(SolveArgs),
+    /// Error against time of every strategy that fits the scene: a table, a CSV file and a plot.
+    Compare(CompareArgs),
+    /// Tell what is in a scene, what will be left out and why, and what a solution would cost.
+    Inspect(InspectArgs),
+}
+
+impl Args {
+    /// The options that all commands share.
+    pub fn common(&self) -> &Common {
+        match &self.command {
+            Command::FormFactors(a) => &a.common,
+            Command::Solve(a) => &a.common,
+            Command::Compare(a) => &a.common,
+            Command::Inspect(a) => &a.common,
+        }
+    }
+}
+
+/// Options of every command.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct Common {
+    /// Scene: an OBJ file with its MTL.
+    pub scene: PathBuf,
+    /// Threads to use; all by default.
+    #[arg(long, value_parser = at_least_one)]
+    pub threads: Option<usize>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+    /// Print nothing but errors.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Show no progress.
+    #[arg(long)]
+    pub no_progress: bool,
+    /// Say what would be done and what it would cost, and stop.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Scale reflectances at or above 1 (and Kd + Ks above 1) down to this.
+    #[arg(long, value_name = "RHO", value_parser = below_one)]
+    pub clamp_reflectance: Option<f64>,
+    /// Reflectance of faces without a material.
+    #[arg(long, value_name = "RHO", value_parser = below_one)]
+    pub default_reflectance: Option<f64>,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&n| n >= 1).ok_or_else(|| "must be a whole number of at least 1".to_owned())
+}
+
+fn below_one(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|rho| (0.0..1.0).contains(rho)).ok_or_else(|| "must lie in [0, 1)".to_owned())
+}
+
+fn open_unit(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|t| *t > 0.0 && *t < 1.0).ok_or_else(|| "must lie between 0 and 1".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|h: &f64| h.is_finite() && *h > 0.0).ok_or_else(|| "must be positive".to_owned())
+}
+
+fn count(text: &str) -> Result<u32, String> {
+    text.parse().ok().filter(|&n| n >= 1).ok_or_else(|| "must be a whole number of at least 1".to_owned())
+}
+
+fn resolution(text: &str) -> Result<u32, String> {
+    let even = |n: &u32| n.is_multiple_of(2) && (2..=4096).contains(n);
+    text.parse().ok().filter(even).ok_or_else(|| "must be an even number from 2 to 4096".to_owned())
+}
+
+/// Estimators by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Exact pairs; segments where something may block.
+    Analytic,
+    /// Rays over the hemisphere.
+    RayCast,
+    /// Item buffers on a half cube.
+    Hemicube,
+}
+
+/// Which estimator, and how fine.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct Estimator {
+    /// Estimator of form factors; chosen by the size of the scene if not given.
+    #[arg(long, value_enum)]
+    pub method: Option<MethodName>,
+    /// Rays a row of the ray-cast estimator.
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub rays: Option<u32>,
+    /// Pixels along the top of a hemicube, even.
+    #[arg(long, value_name = "R", value_parser = resolution)]
+    pub resolution: Option<u32>,
+    /// Segments of a partly blocked pair of the analytic estimator.
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub samples: Option<u32>,
+}
+
+impl Estimator {
+    /// The method asked for with its settings, or `otherwise`.
+    pub fn method(&self, otherwise: Method) -> Method {
+        let named = self.method.map(|name| match name {
+            MethodName::Analytic => Method::ANALYTIC,
+            MethodName::RayCast => Method::RAY_CAST,
+            MethodName::Hemicube => Method::HEMICUBE,
+        });
+        // A setting of one estimator asks for it.
+        let implied = self.rays.map(|_| Method::RAY_CAST).or(self.resolution.map(|_| Method::HEMICUBE));
+        match named.or(implied).unwrap_or(otherwise) {
+            Method::Analytic { tolerance, samples } => {
+                Method::Analytic { tolerance, samples: self.samples.unwrap_or(samples) }
+            }
+            Method::RayCast { rays } => Method::RayCast { rays: self.rays.unwrap_or(rays) },
+            Method::Hemicube { resolution } => Method::Hemicube { resolution: self.resolution.unwrap_or(resolution) },
+        }
+    }
+}
+
+/// `radiosity form-factors`.
+#[derive(ClapArgs, Debug)]
+pub struct FormFactorsArgs {
+    /// Scene and common options.
+    #[command(flatten)]
+    pub common: Common,
+    /// Estimator.
+    #[command(flatten)]
+    pub estimator: Estimator,
+    /// Largest error of an unblocked form factor of the analytic estimator.
+    #[arg(long, value_name = "T", value_parser = open_unit)]
+    pub tolerance: Option<f64>,
+    /// Split each quadrilateral K × K and each triangle into K²; rows are the cells.
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = count)]
+    pub subdivide: u32,
+    /// File to write: .csv, .mtx or .npy.
+    #[arg(long, short)]
+    pub output: PathBuf,
+}
+
+/// How fine the mesh is.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct MeshArgs {
+    /// K × K elements a face.
+    #[arg(long, value_name = "K", value_parser = count, group = "fineness")]
+    pub subdivide: Option<u32>,
+    /// Elements with edges of at most this length.
+    #[arg(long, value_name = "H", value_parser = positive, group = "fineness")]
+    pub element_size: Option<f64>,
+    /// K × K patches a face, which must divide the elements: substructuring.
+    #[arg(long, value_name = "K", value_parser = count)]
+    pub patch_subdivide: Option<u32>,
+}
+
+/// `radiosity solve`.
+#[derive(ClapArgs, Debug)]
+pub struct SolveArgs {
+    /// Scene and common options.
+    #[command(flatten)]
+    pub common: Common,
+    /// Estimator.
+    #[command(flatten)]
+    pub estimator: Estimator,
+    /// Mesh.
+    #[command(flatten)]
+    pub mesh: MeshArgs,
+    /// Refine until the estimated rms error of irradiance over the report grid is at most this share of its mean.
+    #[arg(long, value_name = "T", value_parser = open_unit, group = "fineness")]
+    pub tolerance: Option<f64>,
+    /// Write the means over K × K cells a face instead of the elements.
+    #[arg(long, value_name = "K", value_parser = count)]
+    pub report_grid: Option<u32>,
+    /// Solver: direct, jacobi, gauss-seidel, cg or shooting.
+    #[arg(long, value_name = "NAME")]
+    pub solver: Option<String>,
+    /// Unshot share of the emitted power at which the solver stops.
+    #[arg(long, value_name = "ETA", default_value_t = 1e-9, value_parser = open_unit)]
+    pub unshot: f64,
+    /// File to write: .csv or .ply.
+    #[arg(long, short)]
+    pub output: Option<PathBuf>,
+}
+
+/// `radiosity compare`.
+#[derive(ClapArgs, Debug)]
+pub struct CompareArgs {
+    /// Scene and common options.
+    #[command(flatten)]
+    pub common: Common,
+    /// K × K elements a face.
+    #[arg(long, value_name = "K", default_value_t = 4, value_parser = count)]
+    pub subdivide: u32,
+    /// Unshot share of the emitted power at which the solvers stop.
+    #[arg(long, value_name = "ETA", default_value_t = 1e-6, value_parser = open_unit)]
+    pub unshot: f64,
+    /// Folder for comparison.csv, comparison.svg and comparison.png.
+    #[arg(long, short, default_value = "comparison")]
+    pub output: PathBuf,
+}
+
+/// `radiosity inspect`.
+#[derive(ClapArgs, Debug)]
+pub struct InspectArgs {
+    /// Scene and common options.
+    #[command(flatten)]
+    pub common: Common,
+    /// Mesh to predict.
+    #[command(flatten)]
+    pub mesh: MeshArgs,
+    /// Estimator to predict.
+    #[command(flatten)]
+    pub estimator: Estimator,
+}

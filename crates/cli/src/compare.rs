@@ -1,0 +1,218 @@
+//! `radiosity compare`: every strategy on the user's own scene, error against time.
+
+use radiosity::{Geometry, run as run_strategy};
+use radiosity::{GridValues, Measured, Method, RunError, Store, Strategy, Yardstick, default_method};
+use radiosity_core::Outcome;
+use radiosity_geometry::mesh::Subdivision;
+use radiosity_io::write_atomically;
+use radiosity_plot::{Axis, Dash, Figure, Panel, Point, Quality, Series};
+use serde_json::{Value, json};
+
+use crate::args::CompareArgs;
+use crate::{Failure, Verdict, output, scene};
+
+/// A strategy and how it went.
+struct Compared<'a> {
+    strategy: Strategy,
+    result: Result<Measured<'a>, RunError>,
+}
+
+/// Cells of the report grid along an edge of a face.
+const GRID: u32 = 8;
+/// Pairs of a mesh up to which the best form factors are taken as a whole.
+const MOST_PAIRS: u64 = 4 << 20;
+
+/// The strategies of a comparison: every solver on every store of the pairwise estimator, and on the dense and the
+/// recomputed store of the row-wise ones.
+fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
+    let mut all = Vec::new();
+    for method in [Method::ANALYTIC, Method::RAY_CAST, Method::HEMICUBE] {
+        for store in Store::ALL {
+            for solver in radiosity_solvers::NAMES {
+                let pairwise = matches!(method, Method::Analytic { .. });
+                // Recomputed rows make sense for the one method that reads few of them.
+                let sensible = match store {
+                    Store::Dense => true,
+                    Store::KeepNone => solver == "shooting",
+                    Store::Sparse | Store::KeepAll => pairwise && solver != "direct",
+                };
+                if sensible {
+                    let strategy = Strategy::new(Subdivision::Uniform(subdivide), method);
+                    all.push(Strategy { store, solver: solver.to_owned(), unshot, seed, ..strategy });
+                }
+            }
+        }
+    }
+    all
+}
+
+/// Runs the command.
+pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
+    let imported = scene::with_materials(&args.common)?;
+    let scene = &imported.scene;
+    let all = strategies(args.subdivide, args.unshot, args.common.seed);
+    if args.common.dry_run {
+        let object = json!({ "dry_run": true, "strategies": all.len() });
+        output::print(&args.common, &object, &[format!("{} strategies; nothing run", all.len())]);
+        return Ok(Verdict::Done);
+    }
+    // The reference: a mesh twice as fine, by the method that suits its size.
+    let fine = Strategy::new(Subdivision::Uniform(2 * args.subdivide), Method::ANALYTIC);
+    let geometry = Geometry::new(scene, &fine.mesh)?;
+    let reference_method = match default_method(geometry.elements().len(), geometry.blockers().len()) {
+        Method::RayCast { .. } => Method::RayCast { rays: 8192 },
+        method => method,
+    };
+    drop(geometry);
+    let fine = Strategy::new(Subdivision::Uniform(2 * args.subdivide), reference_method);
+    let reference = run_strategy(scene, &fine, &mut ())?;
+    let truth = GridValues::means(&reference.geometry, &reference.solution.irradiance, GRID)?;
+    drop(reference);
+    let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+    let mut yardstick = Yardstick::new(scene, truth, GRID, best, MOST_PAIRS);
+    let compared: Vec<Compared<'_>> = all
+        .into_iter()
+        .map(|strategy| {
+            if !(args.common.quiet || args.common.no_progress || args.common.json) {
+                eprintln!("running {}", label(&strategy));
+            }
+            let result = yardstick.measure(&strategy, true);
+            Compared { strategy, result }
+        })
+        .collect();
+    std::fs::create_dir_all(&args.output).map_err(|e| format!("{}: {e}", args.output.display()))?;
+    write_table(args, &compared)?;
+    let figure = figure(&compared);
+    let drawing = figure.draw();
+    let svg = drawing.to_svg()?;
+    write_atomically(&args.output.join("comparison.svg"), |out| out.write_all(svg.as_bytes()))?;
+    drawing.write_png(&args.output.join("comparison.png"))?;
+    let object = json!({
+        "reference": output::method(reference_method),
+        "strategies": compared.iter().map(compared_json).collect::<Vec<_>>(),
+        "folder": args.output.display().to_string(),
+    });
+    let mut lines =
+        vec![format!("{:<46} {:>10} {:>10} {:>10} {:>10}  outcome", "strategy", "seconds", "solver", "F", "total")];
+    lines.extend(compared.iter().map(line));
+    lines.push(format!("→ {}", args.output.display()));
+    output::print(&args.common, &object, &lines);
+    Ok(Verdict::Done)
+}
+
+fn label(strategy: &Strategy) -> String {
+    format!("{} · {} · {}", strategy.solver, strategy.store.name(), strategy.method.name())
+}
+
+fn line(compared: &Compared<'_>) -> String {
+    match &compared.result {
+        Ok(m) => format!(
+            "{:<46} {:>10.4} {:>10.1e} {:>10.1e} {:>10.1e}  {}",
+            label(&compared.strategy),
+            m.run.seconds(),
+            m.solver_error,
+            m.form_factor_error,
+            m.error.rms,
+            m.run.solution.outcome
+        ),
+        Err(why) => format!("{:<46} not run: {why}", label(&compared.strategy)),
+    }
+}
+
+fn compared_json(compared: &Compared<'_>) -> Value {
+    let s = &compared.strategy;
+    let mut object = json!({ "method": output::method(s.method), "store": s.store.name(), "solver": s.solver });
+    match &compared.result {
+        Ok(m) => {
+            let solution = &m.run.solution;
+            object["elements"] = json!(m.run.geometry.elements().len());
+            object["outcome"] = json!(solution.outcome.to_string());
+            object["steps"] = json!(solution.steps);
+            object["form_factors"] = output::phase(&m.run.form_factors);
+            object["solve"] = json!({
+                "seconds": solution.time.as_secs_f64(), "counts": output::cost(&solution.cost),
+            });
+            object["stored_bytes"] = json!(m.run.stored_bytes);
+            object["unshot"] = json!(solution.unshot);
+            object["bound"] = json!(solution.bound);
+            object["errors"] = json!({
+                "solver": m.solver_error, "form_factors": m.form_factor_error, "mesh": m.mesh_error,
+                "total": output::error(&m.error),
+            });
+        }
+        Err(why) => object["not_run"] = json!(why.to_string()),
+    }
+    object
+}
+
+/// Error against time inside every run on the dense and the recomputed store, one panel an estimator.
+fn figure(compared: &[Compared<'_>]) -> Figure {
+    let panels = [Method::ANALYTIC, Method::RAY_CAST, Method::HEMICUBE].map(|method| {
+        let shown = compared.iter().filter(|c| {
+            c.strategy.method.name() == method.name() && matches!(c.strategy.store, Store::Dense | Store::KeepNone)
+        });
+        let series = shown.filter_map(|c| {
+            let m = c.result.as_ref().ok()?;
+            let recomputed = c.strategy.store == Store::KeepNone;
+            let name =
+                if recomputed { format!("{}, recomputed", c.strategy.solver) } else { c.strategy.solver.clone() };
+            let quality = match m.run.solution.outcome {
+                Outcome::Converged => Quality::Good,
+                Outcome::NotContracting | Outcome::Breakdown => Quality::Failed,
+                _ => Quality::Limited,
+            };
+            let points = m.history.iter().map(|p| Point { x: p.seconds, y: p.error, quality });
+            let dash = if recomputed { Dash::Dashed } else { Dash::Solid };
+            Some(Series::new(name, &*c.strategy.solver).points(points).dash(dash))
+        });
+        let axes = (Axis::log("time", "s"), Axis::log("error of irradiance", "share of the mean"));
+        Panel::new(axes.0, axes.1).title(method.name()).all_series(series)
+    });
+    Figure::new("comparison", "Error against time").panels(panels).shared_y()
+}
+
+fn write_table(args: &CompareArgs, compared: &[Compared<'_>]) -> Result<(), Failure> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record([
+        "method",
+        "store",
+        "solver",
+        "outcome",
+        "steps",
+        "seconds_form_factors",
+        "seconds_solve",
+        "form_factors",
+        "rays",
+        "hemicube_pixels",
+        "entries_read",
+        "stored_bytes",
+        "solver_error",
+        "form_factor_error",
+        "error",
+        "worst_cell",
+    ])?;
+    for c in compared {
+        let s = &c.strategy;
+        let mut record = vec![s.method.name().to_owned(), s.store.name().to_owned(), s.solver.clone()];
+        match &c.result {
+            Ok(m) => {
+                let (run, cost) = (&m.run, m.run.cost());
+                record.push(run.solution.outcome.to_string());
+                record.push(run.solution.steps.to_string());
+                record.extend([run.form_factors.time, run.solution.time].map(|t| format!("{:.6}", t.as_secs_f64())));
+                let counts = [cost.form_factors, cost.rays, cost.hemicube_pixels, cost.entries, run.stored_bytes];
+                record.extend(counts.map(|n| n.to_string()));
+                let errors = [m.solver_error, m.form_factor_error, m.error.rms, m.error.worst];
+                record.extend(errors.map(|e| format!("{e:e}")));
+            }
+            Err(why) => {
+                record.push(format!("not run: {why}"));
+                record.resize(16, String::new());
+            }
+        }
+        table.write_record(&record)?;
+    }
+    let bytes = table.into_inner().map_err(|e| e.to_string())?;
+    write_atomically(&args.output.join("comparison.csv"), |out| out.write_all(&bytes))?;
+    Ok(())
+}

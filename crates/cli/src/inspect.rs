@@ -1,0 +1,129 @@
+//! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
+
+use radiosity::{Geometry, predict};
+use radiosity_geometry::Scene;
+use serde_json::{Value, json};
+
+use crate::args::InspectArgs;
+use crate::solve::{mesh_settings, strategy};
+use crate::{Failure, Verdict, output, scene};
+
+/// Runs the command.
+pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
+    let imported = scene::with_materials(&args.common)?;
+    let scene = &imported.scene;
+    let mesh = mesh_settings(&args.mesh);
+    let geometry = Geometry::new(scene, &mesh)?;
+    let strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
+    let prediction = predict(&geometry, &strategy);
+    let (lo, hi) = scene.bounds();
+    let closed = imported.report.closed();
+    let left_out = left_out(scene, &geometry);
+    let object = json!({
+        "faces": scene.surfaces.len(),
+        "area": scene.area(),
+        "bounds": [lo.to_array(), hi.to_array()],
+        "closed": closed,
+        "blocking_polygons": geometry.blockers().len(),
+        "emitters": emitters(scene),
+        "emitted_power": emitted_power(scene),
+        "largest_reflectance": largest_reflectance(scene),
+        "materials": scene.materials.iter().map(|m| json!({
+            "name": m.name, "reflectance": m.reflectance, "emission": m.emission,
+        })).collect::<Vec<_>>(),
+        "file": output::import(&imported.report),
+        "left_out": left_out,
+        "mesh": {
+            "elements": prediction.elements,
+            "patches": prediction.patches,
+            "covered_elements": geometry.mesh().elements.len() - geometry.elements().len(),
+        },
+        "predicted": {
+            "method": output::method(strategy.method),
+            "form": strategy.shape.name(),
+            "solver": strategy.solver,
+            "form_factors": prediction.form_factors,
+            "source_evaluations": prediction.source_evaluations,
+            "rays": prediction.rays,
+            "hemicube_pixels": prediction.hemicube_pixels,
+            "stored_bytes": prediction.stored_bytes,
+        },
+    });
+    let r = &imported.report;
+    let mut lines = vec![
+        format!(
+            "{} faces ({} triangles, {} quadrilaterals, {} polygons of up to {} corners), area {:.6}",
+            r.faces,
+            r.triangles,
+            r.quads,
+            r.polygons,
+            r.most_corners,
+            scene.area()
+        ),
+        format!(
+            "{}: {} open edges, {} between faces turned against each other",
+            if closed { "closed" } else { "open" },
+            r.open_edges,
+            r.turned_edges
+        ),
+        format!("{} emitting faces; largest reflectance {}", emitters(scene), largest_reflectance(scene)),
+        format!(
+            "defects: {} faces without area, {} concave, {} non-planar, {} duplicates ({} two-sided sheets), {} line elements",
+            r.zero_area_dropped,
+            r.concave_split,
+            r.non_planar_split,
+            r.duplicate_faces,
+            r.two_sided_sheets,
+            r.line_elements
+        ),
+        format!(
+            "mesh: {} elements, {} patches; predicted {} form factors by {}, {} of memory",
+            prediction.elements,
+            prediction.patches,
+            prediction.form_factors,
+            strategy.method.name(),
+            output::bytes(prediction.stored_bytes)
+        ),
+    ];
+    lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
+    output::print(&args.common, &object, &lines);
+    Ok(Verdict::Done)
+}
+
+fn emitters(scene: &Scene) -> usize {
+    scene.surfaces.iter().filter(|s| scene.materials[s.material].emission.iter().any(|&e| e > 0.0)).count()
+}
+
+/// Σ A E of every band.
+fn emitted_power(scene: &Scene) -> Vec<f64> {
+    let power = |b: usize| scene.surfaces.iter().map(|s| s.area() * scene.materials[s.material].emission[b]).sum();
+    (0..scene.bands()).map(power).collect()
+}
+
+fn largest_reflectance(scene: &Scene) -> f64 {
+    let used = scene.surfaces.iter().flat_map(|s| &scene.materials[s.material].reflectance);
+    used.copied().fold(0.0, f64::max)
+}
+
+/// What the scene does not need, with the reason.
+fn left_out(scene: &Scene, geometry: &Geometry<'_>) -> Vec<Value> {
+    let mut left = Vec::new();
+    let pieces = scene.pieces().count();
+    let blocking = geometry.blockers().len();
+    if blocking == 0 {
+        left.push(json!("all visibility tests: nothing in the scene can block"));
+    } else if blocking < pieces {
+        left.push(json!(format!(
+            "{} of {pieces} polygons in visibility tests: the whole scene lies on one side of them",
+            pieces - blocking
+        )));
+    }
+    let covered = geometry.mesh().elements.len() - geometry.elements().len();
+    if covered > 0 {
+        left.push(json!(format!("{covered} elements as unknowns: they lie inside solids")));
+    }
+    if emitters(scene) == 0 {
+        left.push(json!("everything: nothing emits, the answer is 0"));
+    }
+    left
+}

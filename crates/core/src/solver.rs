@@ -1,0 +1,68 @@
+//! One method: how it begins and what one step does.
+
+use crate::{BandValues, Bands, Cost, Direction, Form, StoreError, System};
+
+/// What a method asks of a system.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Needs {
+    /// Forms it reads.
+    pub forms: &'static [Form],
+    /// Direction in which it reads the full form.
+    pub direction: Direction,
+    /// Whether it needs A_s F_st = A_t F_ts.
+    pub symmetric: bool,
+}
+
+/// The state of a run: x, what has been shot, and r = E + ρFx − x where the method has it at hand.
+#[derive(Clone, Debug)]
+pub struct Iterate {
+    /// x of every element.
+    pub shot: BandValues,
+    /// r of every element, if the method keeps it true.
+    pub residual: Option<BandValues>,
+}
+
+/// What a step says about itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// The iterate carries its residual: read it there.
+    Residual,
+    /// The method has no residual at hand but guesses η from its own step; the loop verifies before it believes.
+    Claim {
+        /// The guess.
+        unshot: f64,
+    },
+    /// The method broke down (a pivot or a curvature that is not positive) and can do no more.
+    Breakdown,
+}
+
+/// A solution method for B = E + ρFB.
+///
+/// A solver keeps its own work space between [`Solver::start`] and the last [`Solver::step`]; it never times itself,
+/// never checks for convergence and never computes an error: [`crate::solve`] does, the same for all.
+pub trait Solver {
+    /// Short name for tables and flags: `jacobi`, `cg`, …
+    fn name(&self) -> &'static str;
+
+    /// What the method asks of a system.
+    fn needs(&self) -> Needs;
+
+    /// The first iterate: `from` (radiosities of a similar system) or the method's own choice.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had.
+    fn start(&mut self, system: &System<'_>, from: Option<Bands<'_>>) -> Result<(Iterate, Cost), StoreError>;
+
+    /// One sweep, product, shot or factorisation.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had.
+    fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError>;
+
+    /// Part of a whole pass over the form factors that a step is: 1 for a sweep, 1/n for a shot of one of n patches.
+    fn passes_per_step(&self, _system: &System<'_>) -> f64 {
+        1.0
+    }
+}

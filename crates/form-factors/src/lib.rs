@@ -1,0 +1,16 @@
+//! Form-factor estimators, stores and checks.
+//!
+//! Everything here is about exchange areas A_s F_st. [`Pairwise`] estimators give the exchange area of any two polygons
+//! and so symmetric rows; row-wise ones ([`Rows`] directly) give the whole row of a source. Stores keep rows
+//! ([`stores`]), [`checks`] tell what is wrong with them.
+
+pub mod analytic;
+pub mod checks;
+pub mod hemicube;
+pub mod ray_cast;
+mod row_wise;
+mod rows;
+pub mod stores;
+
+pub use row_wise::Receivers;
+pub use rows::{Estimate, Pairwise, PairwiseRows, Rows};

@@ -1,0 +1,306 @@
+//! Every exchange area in one matrix.
+
+use faer::prelude::IntoConst;
+use faer::{Mat, MatRef};
+use radiosity_core::{
+    Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError, scatter_by_rows,
+};
+use rayon::prelude::*;
+
+use super::{assert_lengths, by_rows, check_memory, check_row};
+use crate::Rows;
+
+/// Exchange areas A_s F_st of all pairs, 8 bytes each (columns of the matrix padded to 64 bytes).
+///
+/// Column s of the matrix is row s of the exchange areas, contiguous, and lent without a copy.
+#[derive(Clone, Debug)]
+pub struct DenseFormFactors {
+    values: Mat<f64>,
+    bounds: Option<Vec<f64>>,
+    symmetric: bool,
+}
+
+/// Targets that one task of a scatter owns at least; below 16 such ranges rows are cut into pieces instead.
+const RANGE: usize = 64;
+
+impl DenseFormFactors {
+    /// Computes and keeps all rows, in parallel over rows; of symmetric rows only the upper triangle, mirrored.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had or holds a value that is no exchange area.
+    pub fn assemble(rows: &dyn Rows) -> Result<(Self, Cost), StoreError> {
+        Self::assemble_within(rows, None)
+    }
+
+    /// [`Self::assemble`], in at most `limit` bytes (8 a pair).
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Memory`] before anything is computed, else as [`Self::assemble`].
+    pub fn assemble_within(rows: &dyn Rows, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
+        let symmetric = rows.symmetric();
+        Self::fill(rows.sources(), rows.targets(), symmetric, limit, |s, values| {
+            let (cost, bound) = if symmetric { rows.upper_row(s, values) } else { rows.row(s, values) }?;
+            Ok((cost, Some(bound)))
+        })
+    }
+
+    /// Keeps given exchange areas, row after row.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Value`] for an entry that is no exchange area, [`StoreError::NotSymmetric`] if `symmetric` is
+    /// claimed and two mirrored entries differ.
+    ///
+    /// # Panics
+    ///
+    /// If there are not `sources` · `targets` values, or `symmetric` is claimed of a table that is not square.
+    pub fn from_rows(values: &[f64], sources: usize, targets: usize, symmetric: bool) -> Result<Self, StoreError> {
+        assert_eq!(values.len(), sources * targets, "{sources} × {targets} exchange areas");
+        let store = Self {
+            values: Mat::from_fn(targets, sources, |t, s| values[s * targets + t]),
+            bounds: None,
+            symmetric: symmetric && store_is_square(sources, targets),
+        };
+        for s in 0..sources {
+            check_row(s, 0, store.slice(s))?;
+            if symmetric && let Some(t) = (0..s).find(|&t| store.entry(s, t) != store.entry(t, s)) {
+                let (value, mirrored) = (store.entry(s, t), store.entry(t, s));
+                return Err(StoreError::NotSymmetric { source_index: s, target_index: t, value, mirrored });
+            }
+        }
+        Ok(store)
+    }
+
+    /// A store whose row s `row(s, zeros)` fills (from the diagonal on, if symmetric), with its cost and bound.
+    pub(super) fn fill(
+        sources: usize,
+        targets: usize,
+        symmetric: bool,
+        limit: Option<u64>,
+        row: impl Fn(usize, &mut [f64]) -> Result<(Cost, Option<f64>), StoreError> + Sync,
+    ) -> Result<(Self, Cost), StoreError> {
+        let symmetric = symmetric && store_is_square(sources, targets);
+        check_memory(sources, targets, 8 * sources as u64 * targets as u64, limit)?;
+        let mut values = Mat::zeros(targets, sources);
+        let done: Vec<Result<(Cost, Option<f64>), StoreError>> = values
+            .par_col_iter_mut()
+            .enumerate()
+            .map(|(s, column)| {
+                let slice = column.try_as_col_major_mut().expect("columns of an owned matrix").as_slice_mut();
+                let spent = row(s, slice)?;
+                check_row(s, if symmetric { s } else { 0 }, slice)?;
+                Ok(spent)
+            })
+            .collect();
+        // In order, so that the first fault is the same on any number of threads.
+        let (mut total, mut bounds) = (Cost::default(), Vec::with_capacity(sources));
+        for spent in done {
+            let (cost, bound) = spent?;
+            total += cost;
+            bounds.push(bound);
+        }
+        let mut bounds: Option<Vec<f64>> = bounds.into_iter().collect();
+        if symmetric {
+            mirror(&mut values);
+            // Entry (s, t < s) was computed in row t and has that row's bound.
+            if let Some(bounds) = &mut bounds {
+                (1..bounds.len()).for_each(|s| bounds[s] = bounds[s].max(bounds[s - 1]));
+            }
+        }
+        Ok((Self { values, bounds, symmetric }, total))
+    }
+
+    /// The exchange areas as a matrix of `targets` × `sources`: column s is row s.
+    pub fn matrix(&self) -> MatRef<'_, f64> {
+        self.values.as_ref()
+    }
+
+    /// A_s F_st.
+    pub fn entry(&self, s: usize, t: usize) -> f64 {
+        self.slice(s)[t]
+    }
+
+    /// Bound of the error of every entry of row s (three standard errors where sampled), if the estimator gave one.
+    pub fn row_bound(&self, s: usize) -> Option<f64> {
+        self.bounds.as_ref().map(|bounds| bounds[s])
+    }
+
+    /// The store with every two mirrored entries replaced by their mean.
+    ///
+    /// For entries that differ within the bounds of a pairwise estimator. Of rows with sampling errors the mean
+    /// keeps reciprocity but not the row sums, and is no repair.
+    ///
+    /// # Panics
+    ///
+    /// If the store is not square.
+    pub fn symmetrised(mut self) -> Self {
+        store_is_square(self.sources(), self.targets());
+        for s in 0..self.sources() {
+            for t in 0..s {
+                let mean = 0.5 * (self.values[(t, s)] + self.values[(s, t)]);
+                (self.values[(t, s)], self.values[(s, t)]) = (mean, mean);
+            }
+        }
+        if let Some(bounds) = &mut self.bounds {
+            let worst = bounds.iter().copied().fold(0.0, f64::max);
+            bounds.fill(worst);
+        }
+        Self { symmetric: true, ..self }
+    }
+
+    /// The store read the other way: entry (t, s) where this one has (s, t). Bounds of rows do not carry over.
+    pub fn transposed(&self) -> Self {
+        Self { values: self.values.transpose().to_owned(), bounds: None, ..*self }
+    }
+
+    fn slice(&self, s: usize) -> &[f64] {
+        self.values.col_as_slice(s)
+    }
+}
+
+/// True, or a panic: symmetry is only claimed of square tables.
+fn store_is_square(sources: usize, targets: usize) -> bool {
+    assert_eq!(sources, targets, "a symmetric store has as many sources as targets");
+    true
+}
+
+/// Copies what lies on and below the diagonal of each column (t ≥ s of row s) to the other side.
+fn mirror(values: &mut Mat<f64>) {
+    const BLOCK: usize = 64;
+    let n = values.ncols();
+    for begin in (0..n).step_by(BLOCK) {
+        // Columns of the block take their upper part from the columns before them, then from each other.
+        let (left, right) = values.as_mut().split_at_col_mut(begin);
+        let (left, block) = (left.into_const(), right.subcols_mut(0, BLOCK.min(n - begin)));
+        block.par_col_iter_mut().enumerate().for_each(|(k, mut column)| {
+            (0..begin).for_each(|t| column[t] = left[(begin + k, t)]);
+        });
+        for s in begin..(begin + BLOCK).min(n) {
+            (begin..s).for_each(|t| values[(t, s)] = values[(s, t)]);
+        }
+    }
+}
+
+impl FormFactors for DenseFormFactors {
+    fn name(&self) -> &'static str {
+        "dense"
+    }
+
+    fn sources(&self) -> usize {
+        self.values.ncols()
+    }
+
+    fn targets(&self) -> usize {
+        self.values.nrows()
+    }
+
+    fn properties(&self) -> Properties {
+        let held = self.values.ncols() as u64 * self.values.col_stride().unsigned_abs() as u64;
+        Properties { symmetric: self.symmetric, per_band: false, stored_bytes: 8 * held }
+    }
+
+    fn row<'a>(&'a self, s: usize, _band: usize, _buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
+        Ok(Row { entries: Entries::Dense(self.slice(s)), cost: Cost::default() })
+    }
+
+    fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
+        assert_lengths("gather", (self.targets(), self.sources()), x, &y);
+        by_rows(x, y, |s, x| Entries::Dense(self.slice(s)).dot(x));
+        Ok(Cost::applied(self.sources() * self.targets(), 8, x.count()))
+    }
+
+    fn scatter(&self, x: Bands<'_>, mut y: BandsMut<'_>) -> Result<Cost, StoreError> {
+        if self.symmetric {
+            return self.gather(x, y);
+        }
+        let targets = self.targets();
+        assert_lengths("scatter", (self.sources(), targets), x, &y);
+        let range = targets.div_ceil(16);
+        if range < RANGE {
+            return scatter_by_rows(self, x, y);
+        }
+        // Each task owns a range of targets of one band group and adds the rows in order.
+        let lit: Vec<usize> = (0..self.sources()).filter(|&s| (0..x.count()).any(|b| x.band(b)[s] != 0.0)).collect();
+        let tables: Vec<Vec<f64>> = (0..targets.div_ceil(range))
+            .into_par_iter()
+            .map(|k| {
+                let part = k * range..((k + 1) * range).min(targets);
+                let mut sums = vec![0.0; part.len() * x.count()];
+                for &s in &lit {
+                    let row = &self.slice(s)[part.clone()];
+                    for (b, sums) in sums.chunks_exact_mut(row.len()).enumerate() {
+                        let x_s = x.band(b)[s];
+                        sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * x_s);
+                    }
+                }
+                sums
+            })
+            .collect();
+        for (k, sums) in tables.iter().enumerate() {
+            let part = k * range..((k + 1) * range).min(targets);
+            for (b, sums) in sums.chunks_exact(part.len()).enumerate() {
+                y.band(b)[part.clone()].copy_from_slice(sums);
+            }
+        }
+        Ok(Cost::applied(lit.len() * targets, 8, x.count()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Table, values};
+    use super::*;
+    use radiosity_core::{BandValues, gather_by_rows};
+
+    #[test]
+    fn a_symmetric_table_is_computed_once_and_mirrored() {
+        let (store, cost) = DenseFormFactors::assemble(&Table { sources: 150, targets: 150 }).unwrap();
+        assert_eq!((cost.form_factors, cost.source_evaluations), (150 * 151 / 2, 150));
+        assert!(store.properties().symmetric);
+        assert!((0..150).all(|s| (0..150).all(|t| store.entry(s, t) == Table::value(s, t))));
+    }
+
+    #[test]
+    fn a_mirrored_row_has_the_largest_bound_of_the_rows_it_came_from() {
+        let (store, _) = DenseFormFactors::assemble(&Table { sources: 5, targets: 5 }).unwrap();
+        assert_eq!(store.row_bound(3), Some(3.0));
+        let given = DenseFormFactors::from_rows(&[0.5; 6], 2, 3, false).unwrap();
+        assert_eq!(given.row_bound(1), None);
+    }
+
+    #[test]
+    fn symmetry_that_is_claimed_is_checked() {
+        let values = [0.0, 1.0, 2.0, 1.0, 0.0, 3.0, 2.0, 3.5, 0.0];
+        let error = StoreError::NotSymmetric { source_index: 2, target_index: 1, value: 3.5, mirrored: 3.0 };
+        assert_eq!(DenseFormFactors::from_rows(&values, 3, 3, true).map(|_| ()), Err(error));
+        let mean = DenseFormFactors::from_rows(&values, 3, 3, false).unwrap().symmetrised();
+        assert_eq!((mean.entry(1, 2), mean.entry(2, 1), mean.properties().symmetric), (3.25, 3.25, true));
+    }
+
+    #[test]
+    fn stored_bytes_are_8_a_pair_in_columns_padded_to_64_bytes() {
+        let (store, _) = DenseFormFactors::assemble(&Table { sources: 7, targets: 13 }).unwrap();
+        assert_eq!(store.properties().stored_bytes, 7 * 128);
+    }
+
+    #[test]
+    fn a_gather_gives_the_bytes_of_a_gather_over_lent_rows() {
+        let (store, _) = DenseFormFactors::assemble(&Table { sources: 37, targets: 101 }).unwrap();
+        let x = values(5, 101);
+        let (mut fast, mut plain) = (BandValues::zeros(5, 37), BandValues::zeros(5, 37));
+        let cost = store.gather(x.view(), fast.view_mut()).unwrap();
+        assert_eq!(cost, gather_by_rows(&store, x.view(), plain.view_mut()).unwrap());
+        assert_eq!(fast, plain);
+    }
+
+    #[test]
+    fn a_scatter_counts_only_lit_rows() {
+        let (store, _) = DenseFormFactors::assemble(&Table { sources: 20, targets: 1100 }).unwrap();
+        let mut x = BandValues::zeros(2, 20);
+        x.band_mut(1)[4] = 1.0;
+        let cost = store.scatter(x.view(), BandValues::zeros(2, 1100).view_mut()).unwrap();
+        assert_eq!(cost, Cost::applied(1100, 8, 2));
+    }
+}

@@ -1,0 +1,261 @@
+//! The exchange areas that are not zero.
+
+use radiosity_core::{
+    Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError, scatter_by_rows,
+};
+use rayon::prelude::*;
+use sprs::CsMatI;
+
+use super::{assert_lengths, by_rows, check_memory, check_row};
+use crate::Rows;
+
+/// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
+///
+/// Nothing is dropped but exact zeros. The matrix of `sprs` holds the structure; products are this crate's own.
+#[derive(Clone, Debug)]
+pub struct SparseFormFactors {
+    values: CsMatI<f64, u32, usize>,
+    bounds: Option<Vec<f64>>,
+    symmetric: bool,
+}
+
+/// Rows computed before their zeros are dropped: bounds the scratch while a store is assembled.
+const ROWS_AT_ONCE: usize = 256;
+
+/// Rows while they are collected.
+struct Collected {
+    begins: Vec<usize>,
+    targets: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl SparseFormFactors {
+    /// Computes all rows and keeps what is not zero; of symmetric rows only the upper triangle, mirrored.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had or holds a value that is no exchange area.
+    pub fn assemble(rows: &dyn Rows) -> Result<(Self, Cost), StoreError> {
+        Self::assemble_within(rows, None)
+    }
+
+    /// [`Self::assemble`], in at most `limit` bytes (12 an entry that is not zero, 8 a row).
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Memory`] as soon as the limit is passed (then with the bytes needed *so far*), else as
+    /// [`Self::assemble`].
+    ///
+    /// # Panics
+    ///
+    /// If the rows are symmetric but not square.
+    pub fn assemble_within(rows: &dyn Rows, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
+        let (sources, targets, symmetric) = (rows.sources(), rows.targets(), rows.symmetric());
+        assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
+        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        let (mut total, mut bounds, mut diagonal) = (Cost::default(), Vec::with_capacity(sources), 0);
+        for begin in (0..sources).step_by(ROWS_AT_ONCE) {
+            let block: Vec<Result<_, StoreError>> = (begin..(begin + ROWS_AT_ONCE).min(sources))
+                .into_par_iter()
+                .map_init(
+                    || vec![0.0; targets],
+                    |values, s| {
+                        let (cost, bound) = if symmetric { rows.upper_row(s, values) } else { rows.row(s, values) }?;
+                        let first = if symmetric { s } else { 0 };
+                        check_row(s, first, values)?;
+                        let nonzero = (first..targets).filter(|&t| values[t] != 0.0);
+                        let entries: Vec<(u32, f64)> = nonzero.map(|t| (t as u32, values[t])).collect();
+                        Ok((entries, cost, bound))
+                    },
+                )
+                .collect();
+            for row in block {
+                let (entries, cost, bound) = row?;
+                total += cost;
+                diagonal += usize::from(entries.first().is_some_and(|entry| entry.0 as usize == bounds.len()));
+                bounds.push(bound);
+                kept.targets.extend(entries.iter().map(|entry| entry.0));
+                kept.values.extend(entries.iter().map(|entry| entry.1));
+                kept.begins.push(kept.values.len());
+            }
+            let entries = if symmetric { 2 * kept.values.len() - diagonal } else { kept.values.len() };
+            check_memory(sources, targets, bytes(sources, entries), limit)?;
+        }
+        if symmetric {
+            kept = kept.mirrored();
+            (1..sources).for_each(|s| bounds[s] = bounds[s].max(bounds[s - 1]));
+        }
+        let values = CsMatI::new((sources, targets), kept.begins, kept.targets, kept.values);
+        Ok((Self { values, bounds: Some(bounds), symmetric }, total))
+    }
+
+    /// Keeps given exchange areas, row after row, without their zeros.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Value`] for an entry that is no exchange area, [`StoreError::NotSymmetric`] if `symmetric` is
+    /// claimed and two mirrored entries differ.
+    ///
+    /// # Panics
+    ///
+    /// If there are not `sources` · `targets` values, or `symmetric` is claimed of a table that is not square.
+    pub fn from_rows(values: &[f64], sources: usize, targets: usize, symmetric: bool) -> Result<Self, StoreError> {
+        assert_eq!(values.len(), sources * targets, "{sources} × {targets} exchange areas");
+        assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
+        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        for s in 0..sources {
+            let row = &values[s * targets..(s + 1) * targets];
+            check_row(s, 0, row)?;
+            if symmetric && let Some(t) = (0..s).find(|&t| row[t] != values[t * targets + s]) {
+                let (value, mirrored) = (row[t], values[t * targets + s]);
+                return Err(StoreError::NotSymmetric { source_index: s, target_index: t, value, mirrored });
+            }
+            kept.targets.extend((0..targets).filter(|&t| row[t] != 0.0).map(|t| t as u32));
+            kept.values.extend(row.iter().filter(|v| **v != 0.0));
+            kept.begins.push(kept.values.len());
+        }
+        let values = CsMatI::new((sources, targets), kept.begins, kept.targets, kept.values);
+        Ok(Self { values, bounds: None, symmetric })
+    }
+
+    /// The exchange areas by rows.
+    pub fn matrix(&self) -> &CsMatI<f64, u32, usize> {
+        &self.values
+    }
+
+    /// Bound of the error of every entry of row s (three standard errors where sampled), zeros included.
+    pub fn row_bound(&self, s: usize) -> Option<f64> {
+        self.bounds.as_ref().map(|bounds| bounds[s])
+    }
+
+    fn slices(&self, s: usize) -> (&[u32], &[f64]) {
+        let range = self.values.indptr().outer_inds_sz(s);
+        (&self.values.indices()[range.clone()], &self.values.data()[range])
+    }
+}
+
+/// Bytes of a store with this many rows and entries.
+fn bytes(sources: usize, entries: usize) -> u64 {
+    12 * entries as u64 + 8 * (sources as u64 + 1)
+}
+
+impl Collected {
+    /// The whole of a symmetric matrix from rows that begin at the diagonal.
+    fn mirrored(&self) -> Self {
+        let n = self.begins.len() - 1;
+        let upper = |s: usize| (self.begins[s]..self.begins[s + 1]).map(move |k| (s, k));
+        let mut lengths = vec![0; n];
+        for (s, k) in (0..n).flat_map(upper) {
+            let t = self.targets[k] as usize;
+            lengths[s] += 1;
+            lengths[t] += usize::from(t != s);
+        }
+        let mut begins = vec![0];
+        lengths.iter().for_each(|length| begins.push(begins[begins.len() - 1] + length));
+        let (mut targets, mut values) = (vec![0; begins[n]], vec![0.0; begins[n]]);
+        // Rows in order: what row s mirrors into row t > s comes before row t's own entries, ascending.
+        let mut next = begins[..n].to_vec();
+        for (s, k) in (0..n).flat_map(upper) {
+            let t = self.targets[k] as usize;
+            let places = if t == s { [Some((s, t)), None] } else { [Some((s, t)), Some((t, s))] };
+            for (row, column) in places.into_iter().flatten() {
+                (targets[next[row]], values[next[row]]) = (column as u32, self.values[k]);
+                next[row] += 1;
+            }
+        }
+        Self { begins, targets, values }
+    }
+}
+
+impl FormFactors for SparseFormFactors {
+    fn name(&self) -> &'static str {
+        "sparse"
+    }
+
+    fn sources(&self) -> usize {
+        self.values.rows()
+    }
+
+    fn targets(&self) -> usize {
+        self.values.cols()
+    }
+
+    fn properties(&self) -> Properties {
+        let stored_bytes = bytes(self.sources(), self.values.nnz());
+        Properties { symmetric: self.symmetric, per_band: false, stored_bytes }
+    }
+
+    fn row<'a>(&'a self, s: usize, _band: usize, _buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
+        let (targets, values) = self.slices(s);
+        Ok(Row { entries: Entries::Sparse { targets, values }, cost: Cost::default() })
+    }
+
+    fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
+        assert_lengths("gather", (self.targets(), self.sources()), x, &y);
+        by_rows(x, y, |s, x| {
+            let (targets, values) = self.slices(s);
+            dot(targets, values, x)
+        });
+        Ok(Cost::applied(self.values.nnz(), 12, x.count()))
+    }
+
+    fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
+        if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
+    }
+}
+
+/// Σ values · x over the targets named, in four running sums.
+fn dot(targets: &[u32], values: &[f64], x: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let whole = values.len() / 4 * 4;
+    for (v, t) in values[..whole].chunks_exact(4).zip(targets[..whole].chunks_exact(4)) {
+        for l in 0..4 {
+            sums[l] += v[l] * x[t[l] as usize];
+        }
+    }
+    let tail = values[whole..].iter().zip(&targets[whole..]);
+    sums.iter().sum::<f64>() + tail.map(|(v, &t)| v * x[t as usize]).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Table;
+    use super::*;
+
+    #[test]
+    fn rows_hold_what_is_not_zero_in_ascending_order() {
+        for (sources, targets) in [(7, 7), (300, 300), (5, 9)] {
+            let (store, _) = SparseFormFactors::assemble(&Table { sources, targets }).unwrap();
+            for s in 0..sources {
+                let wanted: Vec<(usize, f64)> =
+                    (0..targets).map(|t| (t, Table::value(s, t))).filter(|entry| entry.1 != 0.0).collect();
+                let mut found = Vec::new();
+                let mut buf = RowBuf::default();
+                store.row(s, 0, &mut buf).unwrap().entries.for_each(|t, v| found.push((t, v)));
+                assert_eq!(found, wanted, "row {s} of {sources} × {targets}");
+            }
+        }
+    }
+
+    #[test]
+    fn stored_bytes_are_12_an_entry_and_8_a_row() {
+        let (store, _) = SparseFormFactors::assemble(&Table { sources: 5, targets: 9 }).unwrap();
+        let entries = (0..45).filter(|k| Table::value(k / 9, k % 9) != 0.0).count() as u64;
+        assert_eq!(store.properties().stored_bytes, 12 * entries + 8 * 6);
+    }
+
+    #[test]
+    fn symmetry_that_is_claimed_is_checked() {
+        let error = StoreError::NotSymmetric { source_index: 1, target_index: 0, value: 2.0, mirrored: 1.0 };
+        assert_eq!(SparseFormFactors::from_rows(&[0.0, 1.0, 2.0, 0.0], 2, 2, true).map(|_| ()), Err(error));
+    }
+
+    #[test]
+    fn the_memory_limit_counts_what_is_kept() {
+        let table = Table { sources: 300, targets: 300 };
+        let needed = SparseFormFactors::assemble(&table).unwrap().0.properties().stored_bytes;
+        assert!(SparseFormFactors::assemble_within(&table, Some(needed)).is_ok());
+        let refused = SparseFormFactors::assemble_within(&table, Some(needed / 2)).map(|_| ());
+        assert!(matches!(refused, Err(StoreError::Memory { limit, .. }) if limit == needed / 2));
+    }
+}

@@ -1,0 +1,29 @@
+//! Scenes and systems with known answers.
+//!
+//! | what | known | tests |
+//! |---|---|---|
+//! | [`IntegratingSphere`] | F and B, exact for any subdivision | solvers and stores, without geometry |
+//! | [`RandomEnclosure`] | F (by construction) | solvers and benches at any size |
+//! | [`furnace`] | B uniform | form factors and solvers end to end |
+//! | [`boxes`] | closure; tabulated form factors | estimators |
+//! | [`ManufacturedRoom`] | B, H and E at every point | everything, interreflection included |
+//! | [`FloorUnderLight`] | H at every point of the floor | meshes and form factors |
+//! | [`conformance()`] | what any store must do | stores |
+//!
+//! What is *not* here: files, and answers that are only known from a finer run.
+
+pub mod boxes;
+mod conformance;
+mod floor_under_light;
+pub mod furnace;
+mod integrating_sphere;
+mod manufactured;
+pub mod quadrature;
+mod random_enclosure;
+pub mod rectangles;
+
+pub use conformance::conformance;
+pub use floor_under_light::FloorUnderLight;
+pub use integrating_sphere::IntegratingSphere;
+pub use manufactured::ManufacturedRoom;
+pub use random_enclosure::RandomEnclosure;

@@ -1,0 +1,383 @@
+//! Meshes: surfaces cut into elements, which hold radiosity, and patches, which send it.
+//!
+//! What is *not* here: refinement driven by a solution; a mesh never changes.
+
+mod contacts;
+mod report_grid;
+mod subdivide;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{Facets, Occluders, Polygon, Scene};
+use contacts::Contacts;
+use subdivide::{Grids, MAX_CELLS, grids};
+
+pub use report_grid::{ReportCell, ReportGrid};
+pub use subdivide::{Piece, Subdivision};
+
+/// How a scene is meshed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshSettings {
+    /// Elements of every face.
+    pub elements: Subdivision,
+    /// Patches of every face; `None` makes every element a patch of its own.
+    pub patches: Option<Subdivision>,
+    /// Whether cells are cut where surfaces touch or cross, and those inside solids marked as covered.
+    pub contacts: bool,
+}
+
+/// Why settings make no mesh.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// A subdivision into 0 × 0 cells.
+    #[error("a face cannot be cut into 0 × 0 cells; use 1 or more")]
+    NoCells,
+    /// An edge length that is no length.
+    #[error("the edge length is {length}; it must be finite and positive")]
+    EdgeLength {
+        /// The length given.
+        length: f64,
+    },
+    /// Elements that do not nest in patches.
+    #[error("{elements} elements along an edge do not nest in {patches} patches; use a multiple of {patches}")]
+    Divide {
+        /// Elements along an edge.
+        elements: u64,
+        /// Patches along it.
+        patches: u64,
+    },
+    /// More cells than indices and memory bear.
+    #[error("the mesh would have {cells} cells or more, beyond the limit of {limit}; use a coarser subdivision")]
+    TooMany {
+        /// Cells asked for.
+        cells: u64,
+        /// Cells allowed.
+        limit: u64,
+    },
+}
+
+/// A convex polygon that holds one radiosity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Element {
+    /// Its surface.
+    pub surface: u32,
+    /// Column of its cell; the columns of a surface's pieces are numbered one after the other.
+    pub i: u32,
+    /// Row of its cell.
+    pub j: u32,
+    /// Its patch.
+    pub parent: u32,
+    /// Whether it lies inside a solid: it sends and receives nothing.
+    pub covered: bool,
+}
+
+/// Elements and patches of a scene.
+///
+/// A cell (surface, i, j) is one element, or several where it is cut at a contact. A patch of which a part is covered is two
+/// patches, one of the parts that see something and one, covered, of the rest: so a patch's area is always the sum
+/// of its elements' areas.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// Elements in the order of surfaces, pieces, rows and columns.
+    pub elements: Vec<Element>,
+    /// One polygon an element.
+    pub element_facets: Facets,
+    /// One or more polygons a patch.
+    pub patch_facets: Facets,
+    /// Grids of elements, in the order of surfaces and of their faces.
+    pieces: Vec<Piece>,
+    /// First piece of every face of the scene, and the number of pieces.
+    face_begins: Vec<usize>,
+    /// First face of every surface, and the number of faces.
+    surface_begins: Vec<usize>,
+    /// First cell of every piece, and the number of cells.
+    cell_begins: Vec<usize>,
+    /// First element of every cell, and the number of elements.
+    element_begins: Vec<usize>,
+}
+
+/// Cells of one face before they are numbered.
+struct FaceCells {
+    grids: Vec<Grids>,
+    /// Parts of every cell, piece by piece.
+    elements: Vec<Vec<Polygon>>,
+    /// The patch of every cell.
+    parents: Vec<usize>,
+    /// Patches before any cut.
+    patches: Vec<Polygon>,
+    /// Lines along which patches would be cut.
+    lines: Vec<contacts::Line>,
+}
+
+impl Mesh {
+    /// Cuts a scene into elements and patches; `occluders` are those of the same scene.
+    ///
+    /// A face too thin for its cells to have an area stays whole. Takes O(m log m) for m elements.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if a subdivision makes no cells, too many, or elements that do not nest in patches.
+    ///
+    /// # Panics
+    ///
+    /// If `occluders` are not [`Occluders::of_scene`] of the same scene.
+    pub fn new(scene: &Scene, occluders: &Occluders, settings: &MeshSettings) -> Result<Self, MeshError> {
+        let faces: Vec<(usize, &Polygon)> = scene.pieces().collect();
+        assert_eq!(occluders.len(), faces.len(), "occluders of another scene: {} of {}", occluders.len(), faces.len());
+        settings.elements.check()?;
+        settings.patches.map_or(Ok(()), Subdivision::check)?;
+
+        // Grids: columns of a surface are numbered through its faces.
+        let mut face_grids: Vec<Vec<Grids>> = Vec::with_capacity(faces.len());
+        let (mut cells, mut last, mut offset) = (0, usize::MAX, 0);
+        for &(s, face) in &faces {
+            if s != last {
+                (last, offset) = (s, 0);
+            }
+            let grids = grids(s as u32, face, settings.elements, settings.patches, offset)?;
+            offset += grids.iter().map(|g| g.elements.width()).sum::<u32>();
+            cells += grids.iter().map(|g| g.elements.len() as u64).sum::<u64>();
+            if cells > MAX_CELLS {
+                return Err(MeshError::TooMany { cells, limit: MAX_CELLS });
+            }
+            face_grids.push(grids);
+        }
+
+        // Cells and their parts; which of them are covered.
+        let contacts = Contacts::new(occluders, scene.diagonal());
+        let contacts = settings.contacts.then_some(&contacts);
+        let face_cells: Vec<FaceCells> = face_grids
+            .into_par_iter()
+            .enumerate()
+            .map(|(k, grids)| FaceCells::new(faces[k].1, grids, contacts.map(|c| (c, c.lines(k)))))
+            .collect();
+        let parts: Vec<&Polygon> = face_cells.iter().flat_map(|f| f.elements.iter().flatten()).collect();
+        let covered: Vec<bool> = parts.par_iter().map(|p| contacts.is_some_and(|c| c.covered(p))).collect();
+
+        let mut mesh = Self::empty();
+        let mut covered = covered.into_iter();
+        for (k, face) in face_cells.into_iter().enumerate() {
+            mesh.surface_begins.resize(faces[k].0 + 1, mesh.face_begins.len());
+            mesh.face_begins.push(mesh.pieces.len());
+            mesh.push_face(face, contacts, &mut covered, settings.patches.is_some());
+        }
+        mesh.surface_begins.resize(scene.surfaces.len() + 1, mesh.face_begins.len());
+        mesh.face_begins.push(mesh.pieces.len());
+        mesh.cell_begins.push(mesh.element_begins.len());
+        mesh.element_begins.push(mesh.elements.len());
+        Ok(mesh)
+    }
+
+    fn empty() -> Self {
+        Self {
+            elements: Vec::new(),
+            element_facets: Facets::new(),
+            patch_facets: Facets::new(),
+            pieces: Vec::new(),
+            face_begins: Vec::new(),
+            surface_begins: Vec::new(),
+            cell_begins: Vec::new(),
+            element_begins: Vec::new(),
+        }
+    }
+
+    /// Numbers the elements and patches of a face.
+    fn push_face(
+        &mut self,
+        face: FaceCells,
+        contacts: Option<&Contacts<'_>>,
+        covered: &mut impl Iterator<Item = bool>,
+        has_patches: bool,
+    ) {
+        let flags: Vec<Vec<bool>> =
+            face.elements.iter().map(|parts| covered.by_ref().take(parts.len()).collect()).collect();
+
+        // Patches: [open, covered] of every one that has such elements.
+        let mut numbers = vec![[None; 2]; face.patches.len()];
+        if has_patches {
+            for (cell, flags) in flags.iter().enumerate() {
+                flags.iter().for_each(|&f| numbers[face.parents[cell]][usize::from(f)] = Some(0));
+            }
+            for (p, number) in numbers.iter_mut().enumerate() {
+                let polygons = face.patch_parts(p, &flags, contacts, number.map(|n| n.is_some()));
+                for (side, (polygons, number)) in polygons.into_iter().zip(number).enumerate() {
+                    if number.is_some() {
+                        *number = Some(self.patch_facets.len() as u32);
+                        self.patch_facets.push(polygons, side == 1);
+                    }
+                }
+            }
+        }
+
+        // Elements.
+        let mut cells = face.elements.into_iter().zip(flags).zip(&face.parents);
+        for grid in face.grids {
+            let piece = grid.elements;
+            self.cell_begins.push(self.element_begins.len());
+            for ((i, j), ((parts, flags), &patch)) in piece.indices().zip(&mut cells) {
+                self.element_begins.push(self.elements.len());
+                for (part, covered) in parts.into_iter().zip(flags) {
+                    let own = self.elements.len() as u32;
+                    let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
+                    self.elements.push(Element { surface: piece.surface, i: piece.offset() + i, j, parent, covered });
+                    if !has_patches {
+                        self.patch_facets.push(vec![part.clone()], covered);
+                    }
+                    self.element_facets.push(vec![part], covered);
+                }
+            }
+            self.pieces.push(piece);
+        }
+    }
+
+    /// The patch of every element.
+    pub fn parents(&self) -> Vec<u32> {
+        self.elements.iter().map(|e| e.parent).collect()
+    }
+
+    /// Areas of the elements.
+    pub fn areas(&self) -> Vec<f64> {
+        self.element_facets.areas()
+    }
+
+    /// Emission E of the elements, band after band; 0 where covered.
+    pub fn emission(&self, scene: &Scene) -> Vec<f64> {
+        self.of_materials(scene, |m| &scene.materials[m].emission)
+    }
+
+    /// Reflectance ρ of the elements, band after band; 0 where covered.
+    pub fn reflectance(&self, scene: &Scene) -> Vec<f64> {
+        self.of_materials(scene, |m| &scene.materials[m].reflectance)
+    }
+
+    fn of_materials<'a>(&self, scene: &Scene, bands: impl Fn(usize) -> &'a [f64] + Copy) -> Vec<f64> {
+        let value = |e: &Element, b: usize| match e.covered {
+            true => 0.0,
+            false => bands(scene.surfaces[e.surface as usize].material)[b],
+        };
+        (0..scene.bands()).flat_map(|b| self.elements.iter().map(move |e| value(e, b))).collect()
+    }
+
+    /// Number of cells (surface, i, j).
+    pub fn cells(&self) -> usize {
+        self.element_begins.len() - 1
+    }
+
+    /// The cell of every element: the row it belongs to when all elements of one cell count as one row.
+    pub fn rows(&self) -> Vec<u32> {
+        let cell = |k: usize| (self.element_begins[k]..self.element_begins[k + 1]).map(move |_| k as u32);
+        (0..self.cells()).flat_map(cell).collect()
+    }
+
+    /// Grids of elements on a surface.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such surface.
+    pub fn pieces(&self, surface: usize) -> &[Piece] {
+        let faces = self.surface_begins[surface]..self.surface_begins[surface + 1];
+        &self.pieces[self.face_begins[faces.start]..self.face_begins[faces.end]]
+    }
+
+    /// The element at parameters (u, v) of a surface's piece (see [`Piece::point`]), or `None` outside it.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such piece.
+    pub fn locate(&self, surface: usize, piece: usize, u: f64, v: f64) -> Option<usize> {
+        let (i, j) = self.pieces(surface)[piece].cell_at(u, v)?;
+        let k = self.face_begins[self.surface_begins[surface]] + piece;
+        let cell = self.cell_begins[k] + self.pieces[k].position(i, j);
+        let parts = self.element_begins[cell]..self.element_begins[cell + 1];
+        if parts.len() == 1 {
+            return Some(parts.start);
+        }
+        // Of the parts of a cut cell the one in which the point lies deepest.
+        let point = self.pieces[k].point(u, v);
+        let depth = |e: usize| depth(&self.element_facets.polygons(e)[0], point);
+        parts.max_by(|&a, &b| depth(a).total_cmp(&depth(b)).then(b.cmp(&a)))
+    }
+
+    /// Elements of a cell.
+    fn cell_elements(&self, piece: usize, i: u32, j: u32) -> std::ops::Range<usize> {
+        let cell = self.cell_begins[piece] + self.pieces[piece].position(i, j);
+        self.element_begins[cell]..self.element_begins[cell + 1]
+    }
+}
+
+/// Distance of a point of the plane from the nearest edge, negative outside.
+fn depth(polygon: &Polygon, point: DVec3) -> f64 {
+    let inward = |a: DVec3, b: DVec3| polygon.normal().cross(b - a).normalize_or_zero();
+    polygon.edges().map(|(a, b)| (point - a).dot(inward(a, b))).fold(f64::INFINITY, f64::min)
+}
+
+impl FaceCells {
+    fn new(face: &Polygon, grids: Vec<Grids>, contacts: Option<(&Contacts<'_>, Vec<contacts::Line>)>) -> Self {
+        let (mut cells, mut parents, mut patches) = (Vec::new(), Vec::new(), Vec::new());
+        for grid in &grids {
+            let piece = &grid.elements;
+            // Pieces whose cells have no area are left whole by `grids`.
+            cells.extend(piece.polygons().into_iter().flatten());
+            match &grid.patches {
+                Some(coarse) => {
+                    let base = patches.len();
+                    patches.extend(coarse.polygons().into_iter().flatten());
+                    let parent = |(i, j)| piece.parent_in(coarse, i, j);
+                    parents.extend(piece.indices().map(parent).map(|(i, j)| base + coarse.position(i, j)));
+                }
+                None => {
+                    if patches.is_empty() {
+                        patches.push(face.clone());
+                    }
+                    parents.extend(piece.indices().map(|_| 0));
+                }
+            }
+        }
+        let (elements, lines) = match contacts {
+            Some((contacts, lines)) if !lines.is_empty() => (contacts.cut(cells, &lines), lines),
+            _ => (cells.into_iter().map(|c| vec![c]).collect(), Vec::new()),
+        };
+        Self { grids, elements, parents, patches, lines }
+    }
+
+    /// Open and covered polygons of patch p, given which of the two kinds its elements have.
+    fn patch_parts(
+        &self,
+        p: usize,
+        flags: &[Vec<bool>],
+        contacts: Option<&Contacts<'_>>,
+        [open, covered]: [bool; 2],
+    ) -> [Vec<Polygon>; 2] {
+        let whole = vec![self.patches[p].clone()];
+        let (Some(contacts), true, true) = (contacts, open, covered) else {
+            return if covered { [Vec::new(), whole] } else { [whole, Vec::new()] };
+        };
+        let mut sides = [Vec::new(), Vec::new()];
+        for part in contacts.cut(whole, &self.lines).into_iter().flatten() {
+            let side = usize::from(contacts.covered(&part));
+            sides[side].push(part);
+        }
+        // The few large parts serve if they tell the same as the elements; otherwise the elements themselves do.
+        let mut areas = [0.0; 2];
+        let children = || self.elements.iter().zip(flags).zip(&self.parents).filter(|(_, parent)| **parent == p);
+        for ((parts, flags), _) in children() {
+            parts.iter().zip(flags).for_each(|(part, &flag)| areas[usize::from(flag)] += part.area());
+        }
+        let agrees = |side: usize| {
+            let area: f64 = sides[side].iter().map(Polygon::area).sum();
+            (area - areas[side]).abs() <= 1e-9 * (areas[0] + areas[1])
+        };
+        if !(agrees(0) && agrees(1)) {
+            sides = [Vec::new(), Vec::new()];
+            for ((parts, flags), _) in children() {
+                parts.iter().zip(flags).for_each(|(part, &flag)| sides[usize::from(flag)].push(part.clone()));
+            }
+        }
+        sides
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! From geometry to a store of form factors.
+
+use std::time::{Duration, Instant};
+
+use radiosity_core::{Cost, Form, FormFactors};
+use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::hemicube::Hemicube;
+use radiosity_form_factors::ray_cast::RayCast;
+use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
+use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
+use radiosity_geometry::{Facets, Occluders};
+
+use crate::{Geometry, Method, RunError, Store};
+
+/// What a phase of a run took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Phase {
+    /// Counts.
+    pub cost: Cost,
+    /// Time.
+    pub time: Duration,
+}
+
+/// Rows of `method` in `form` on the exposed elements and patches of `geometry`.
+///
+/// # Errors
+///
+/// [`RunError`] if the method's settings are out of range.
+pub fn rows<'a>(
+    geometry: &'a Geometry<'_>,
+    method: Method,
+    form: Form,
+    seed: u64,
+) -> Result<Box<dyn Rows + 'a>, RunError> {
+    let (elements, patches) = (geometry.elements(), geometry.patches());
+    let (sources, targets) = match form {
+        Form::Full => (elements, elements),
+        Form::ElementsToPatches => (elements, patches),
+        Form::PatchesToElements => (patches, elements),
+    };
+    let receivers = match form {
+        Form::ElementsToPatches => Receivers::grouped(elements, geometry.parent(), patches.len()),
+        Form::Full | Form::PatchesToElements => Receivers::facets(elements),
+    };
+    let hits = || geometry.element_occluders();
+    build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
+}
+
+/// Form factors between cells, each a list of polygons: rows of a matrix file. `elements` are single polygons, `cell`
+/// names the cell of each; `cells` holds the same polygons cell by cell.
+///
+/// # Errors
+///
+/// [`RunError`] if the method's settings are out of range or an entry is no form factor.
+pub fn cell_form_factors(
+    cells: &Facets,
+    elements: &Facets,
+    cell: &[u32],
+    blockers: &Occluders,
+    method: Method,
+    seed: u64,
+) -> Result<(DenseFormFactors, Phase), RunError> {
+    let clock = Instant::now();
+    let receivers = Receivers::grouped(elements, cell, cells.len());
+    let element_occluders = match method {
+        Method::RayCast { .. } => Some(Occluders::of_facets(elements)),
+        _ => None,
+    };
+    let hits = || element_occluders.as_ref().expect("built for the one method that asks");
+    let rows = build(method, cells, cells, receivers, blockers, hits, seed)?;
+    let (store, cost) = DenseFormFactors::assemble(&*rows)?;
+    Ok((store, Phase { cost, time: clock.elapsed() }))
+}
+
+fn build<'a>(
+    method: Method,
+    sources: &'a Facets,
+    targets: &'a Facets,
+    receivers: Receivers<'a>,
+    blockers: &'a Occluders,
+    hits: impl Fn() -> &'a Occluders,
+    seed: u64,
+) -> Result<Box<dyn Rows + 'a>, RunError> {
+    Ok(match method {
+        Method::Analytic { tolerance, samples } => {
+            let estimator = Analytic::new((!blockers.is_empty()).then_some(blockers)).samples(samples);
+            Box::new(PairwiseRows::new(estimator, sources, targets, tolerance, seed))
+        }
+        Method::RayCast { rays } => Box::new(RayCast::new(sources, receivers, hits(), rays, seed)),
+        Method::Hemicube { resolution } => Box::new(Hemicube::new(sources, receivers, resolution, seed)?),
+    })
+}
+
+/// A store of `method`'s form factors in `form`, and what filling it took (nothing yet for the on-demand ones).
+///
+/// # Errors
+///
+/// [`RunError`] if the method's settings are out of range or an entry is no form factor.
+pub fn assemble<'a>(
+    geometry: &'a Geometry<'_>,
+    method: Method,
+    form: Form,
+    store: Store,
+    seed: u64,
+) -> Result<(Box<dyn FormFactors + 'a>, Phase), RunError> {
+    let clock = Instant::now();
+    let rows = rows(geometry, method, form, seed)?;
+    let (store, cost): (Box<dyn FormFactors + 'a>, Cost) = match store {
+        Store::Dense => {
+            let (store, cost) = DenseFormFactors::assemble(&*rows)?;
+            (Box::new(store), cost)
+        }
+        Store::Sparse => {
+            let (store, cost) = SparseFormFactors::assemble(&*rows)?;
+            (Box::new(store), cost)
+        }
+        Store::KeepAll => (Box::new(OnDemand::new(rows, Keep::All)), Cost::default()),
+        Store::KeepNone => (Box::new(OnDemand::new(rows, Keep::None)), Cost::default()),
+    };
+    Ok((store, Phase { cost, time: clock.elapsed() }))
+}

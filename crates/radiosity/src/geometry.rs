@@ -1,0 +1,121 @@
+//! A scene with its mesh, as estimators and systems see it: exposed elements only.
+
+use std::sync::OnceLock;
+
+use radiosity_core::BandValues;
+use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings};
+use radiosity_geometry::{Facets, Occluders, Scene};
+
+/// A scene, its mesh, and the facets that take part in the exchange of light.
+///
+/// Elements inside solids (a floor under a block) are no unknowns: they stay in the mesh, for output, and out of
+/// everything here.
+pub struct Geometry<'a> {
+    scene: &'a Scene,
+    mesh: Mesh,
+    blockers: Occluders,
+    element_occluders: OnceLock<Occluders>,
+    /// Mesh element of every exposed element.
+    exposed: Vec<u32>,
+    elements: Facets,
+    patches: Facets,
+    parent: Vec<u32>,
+}
+
+impl<'a> Geometry<'a> {
+    /// Meshes `scene`.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the settings make no mesh.
+    pub fn new(scene: &'a Scene, settings: &MeshSettings) -> Result<Self, MeshError> {
+        let mesh = Mesh::new(scene, &Occluders::of_scene(scene), settings)?;
+        let mut exposed: Vec<u32> = (0..mesh.elements.len() as u32).collect();
+        exposed.retain(|&e| !mesh.elements[e as usize].covered);
+        // Patches that keep an exposed element, renumbered in order.
+        let mut number = vec![u32::MAX; mesh.patch_facets.len()];
+        for &e in &exposed {
+            number[mesh.elements[e as usize].parent as usize] = 0;
+        }
+        let mut patches = Facets::new();
+        for (p, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
+            *number = patches.len() as u32;
+            patches.push(mesh.patch_facets.polygons(p).to_vec(), false);
+        }
+        let mut elements = Facets::new();
+        for &e in &exposed {
+            elements.push(mesh.element_facets.polygons(e as usize).to_vec(), false);
+        }
+        let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
+        let blockers = Occluders::blocking(scene);
+        Ok(Self { scene, mesh, blockers, element_occluders: OnceLock::new(), exposed, elements, patches, parent })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// The whole mesh, covered elements included.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Mesh element of every exposed element.
+    pub fn exposed(&self) -> &[u32] {
+        &self.exposed
+    }
+
+    /// Exposed elements: m of them.
+    pub fn elements(&self) -> &Facets {
+        &self.elements
+    }
+
+    /// Patches with an exposed element: n of them.
+    pub fn patches(&self) -> &Facets {
+        &self.patches
+    }
+
+    /// Patch of every exposed element.
+    pub fn parent(&self) -> &[u32] {
+        &self.parent
+    }
+
+    /// Surfaces of the scene that can block something.
+    pub fn blockers(&self) -> &Occluders {
+        &self.blockers
+    }
+
+    /// All mesh elements as blockers and receivers of rays; built when first needed.
+    ///
+    /// Owners are exposed elements, or [`u32::MAX`] for covered ones.
+    pub fn element_occluders(&self) -> &Occluders {
+        self.element_occluders.get_or_init(|| Occluders::of_facets(&self.elements))
+    }
+
+    /// Emission E of the exposed elements.
+    pub fn emission(&self) -> BandValues {
+        self.select(&self.mesh.emission(self.scene))
+    }
+
+    /// Reflectance ρ of the exposed elements.
+    pub fn reflectance(&self) -> BandValues {
+        self.select(&self.mesh.reflectance(self.scene))
+    }
+
+    fn select(&self, values: &[f64]) -> BandValues {
+        let (all, m) = (self.mesh.elements.len(), self.exposed.len());
+        let bands = (0..self.scene.bands()).flat_map(|b| self.exposed.iter().map(move |&e| (b, e as usize)));
+        BandValues::new(bands.map(|(b, e)| values[b * all + e]).collect(), m)
+    }
+
+    /// Values on the exposed elements spread to the whole mesh, 0 on covered elements.
+    pub fn spread(&self, values: &BandValues) -> BandValues {
+        let mut all = BandValues::zeros(values.count(), self.mesh.elements.len());
+        for b in 0..values.count() {
+            let (to, from) = (all.band_mut(b), values.band(b));
+            self.exposed.iter().zip(from).for_each(|(&e, &value)| to[e as usize] = value);
+        }
+        all
+    }
+}

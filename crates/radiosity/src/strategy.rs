@@ -1,0 +1,147 @@
+//! One choice at every seam: mesh, estimator, store, form and solver.
+
+use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+
+/// An estimator with its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Pairwise; error of each unoccluded F at most `tolerance`, partly blocked pairs by `samples` segments.
+    Analytic {
+        /// Absolute error of F asked for.
+        tolerance: f64,
+        /// Segments of a partly blocked pair.
+        samples: u32,
+    },
+    /// Row-wise by `rays` rays a source.
+    RayCast {
+        /// Rays a source.
+        rays: u32,
+    },
+    /// Row-wise by hemicubes of `resolution` pixels along the top.
+    Hemicube {
+        /// Pixels along an edge of the top face.
+        resolution: u32,
+    },
+}
+
+impl Method {
+    /// Analytic with its default settings.
+    pub const ANALYTIC: Self = Self::Analytic { tolerance: 1e-10, samples: 256 };
+    /// Rays with their default number.
+    pub const RAY_CAST: Self = Self::RayCast { rays: 1024 };
+    /// Hemicubes with their default resolution.
+    pub const HEMICUBE: Self = Self::Hemicube { resolution: 128 };
+
+    /// The name used in flags and tables.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Analytic { .. } => "analytic",
+            Self::RayCast { .. } => "ray-cast",
+            Self::Hemicube { .. } => "hemicube",
+        }
+    }
+}
+
+/// What is kept of the form factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Store {
+    /// Every entry, in double precision.
+    Dense,
+    /// Entries that are not zero.
+    Sparse,
+    /// Rows computed when first asked for, and kept.
+    KeepAll,
+    /// Rows computed whenever asked for.
+    KeepNone,
+}
+
+impl Store {
+    /// All stores.
+    pub const ALL: [Self; 4] = [Self::Dense, Self::Sparse, Self::KeepAll, Self::KeepNone];
+
+    /// The name used in flags and tables.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Dense => "dense",
+            Self::Sparse => "sparse",
+            Self::KeepAll => "on-demand, kept",
+            Self::KeepNone => "on-demand, recomputed",
+        }
+    }
+}
+
+/// How elements and patches take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// m × m: every element sends to every element.
+    Full,
+    /// m × n: elements gather from patches.
+    ElementsToPatches,
+    /// n × m: patches shoot to elements.
+    PatchesToElements,
+    /// n × n from area-weighted element rows, then one gather to the elements.
+    TwoLevel,
+}
+
+impl Shape {
+    /// The name used in tables and legends.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::ElementsToPatches => "elements-to-patches",
+            Self::PatchesToElements => "patches-to-elements",
+            Self::TwoLevel => "two-level",
+        }
+    }
+}
+
+/// A complete way to solve a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Strategy {
+    /// Elements and patches.
+    pub mesh: MeshSettings,
+    /// Estimator of form factors.
+    pub method: Method,
+    /// What is kept of them.
+    pub store: Store,
+    /// Elements and patches.
+    pub shape: Shape,
+    /// Name of the solver, see [`radiosity_solvers::by_name`].
+    pub solver: String,
+    /// Unshot fraction at which the solver stops.
+    pub unshot: f64,
+    /// Largest number of steps.
+    pub steps: u64,
+    /// Whether the residual is recomputed and bounded at the end.
+    pub verify: bool,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Strategy {
+    /// K × K elements a face, all defaults: dense, full, conjugate gradients or Gauss–Seidel as the store allows.
+    pub fn new(elements: Subdivision, method: Method) -> Self {
+        let solver = if matches!(method, Method::Analytic { .. }) { "cg" } else { "gauss-seidel" };
+        Self {
+            mesh: MeshSettings { elements, patches: None, contacts: true },
+            method,
+            store: Store::Dense,
+            shape: Shape::Full,
+            solver: solver.to_owned(),
+            unshot: 1e-9,
+            steps: 1_000_000,
+            verify: true,
+            seed: 1,
+        }
+    }
+}
+
+/// The estimator to take when none is asked for: exact pairs while there are few, or nothing blocks; rays beyond.
+///
+/// `pieces` is the number of polygons that may block, `elements` the number of elements.
+pub fn default_method(elements: usize, blocking: usize) -> Method {
+    // A partly blocked pair costs tens of microseconds, and every blocker must be looked at for every pair.
+    let pairs = elements as f64 * elements as f64 / 2.0;
+    let limit = if blocking == 0 { 5e7 } else { 2e8 / blocking as f64 };
+    if pairs <= limit { Method::ANALYTIC } else { Method::RAY_CAST }
+}

@@ -1,0 +1,247 @@
+//! False colours of even perceptual steps, with a legend.
+//!
+//! The map runs from dark violet over blue and green to light yellow. It is drawn in Oklab (Björn Ottosson, 2020): the
+//! lightness grows evenly with the value, so that it also reads in grey, the hue turns evenly, and the chroma is as
+//! high as the screen can show up to a limit.
+
+use crate::Image;
+use crate::tone::bytes;
+
+/// Lightness of the lowest and of the highest value.
+const LIGHTNESS: (f64, f64) = (0.25, 0.93);
+/// Hue of the lowest and of the highest value, in degrees.
+const HUE: (f64, f64) = (310.0, 105.0);
+/// Highest chroma.
+const CHROMA: f64 = 0.16;
+
+/// The colour at `t` in [0, 1]; outside it is that of the nearer end.
+pub fn colour(t: f64) -> [u8; 3] {
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+    let between = |(a, b): (f64, f64)| a + (b - a) * t;
+    let (lightness, hue) = (between(LIGHTNESS), between(HUE).to_radians());
+    let shown = |chroma: f64| linear_srgb(lightness, chroma * hue.cos(), chroma * hue.sin());
+    let fits = |chroma: f64| shown(chroma).iter().all(|l| (0.0..=1.0).contains(l));
+    // The highest chroma on the screen, by bisection: grey always fits.
+    let (mut low, mut high) = (0.0, CHROMA);
+    if fits(high) {
+        low = high;
+    }
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if fits(middle) { low = middle } else { high = middle }
+    }
+    bytes(shown(low))
+}
+
+/// Oklab to linear sRGB.
+fn linear_srgb(lightness: f64, a: f64, b: f64) -> [f64; 3] {
+    let l = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
+    let m = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
+    let s = (lightness - 0.089_484_177_5 * a - 1.291_485_548_0 * b).powi(3);
+    [
+        4.076_741_662_1 * l - 3.307_711_591_3 * m + 0.230_969_929_2 * s,
+        -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
+        -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701_0 * s,
+    ]
+}
+
+/// The values that the colours stand for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    low: f64,
+    high: f64,
+    logarithmic: bool,
+}
+
+/// Why there is no such scale.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScaleError {
+    /// The ends are not finite or not in order.
+    #[error("a scale from {low} to {high} is none; its ends must be finite and the first one smaller")]
+    Range {
+        /// First value.
+        low: f64,
+        /// Last value.
+        high: f64,
+    },
+    /// A logarithmic scale that begins at 0 or below.
+    #[error("a logarithmic scale cannot begin at {low}; it must be positive")]
+    Logarithm {
+        /// First value.
+        low: f64,
+    },
+}
+
+impl Scale {
+    /// Even steps from `low` to `high`.
+    ///
+    /// # Errors
+    ///
+    /// [`ScaleError::Range`] unless both are finite and `low` < `high`.
+    pub fn linear(low: f64, high: f64) -> Result<Self, ScaleError> {
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return Err(ScaleError::Range { low, high });
+        }
+        Ok(Self { low, high, logarithmic: false })
+    }
+
+    /// Even ratios from `low` to `high`.
+    ///
+    /// # Errors
+    ///
+    /// [`ScaleError`] unless both are finite and 0 < `low` < `high`.
+    pub fn logarithmic(low: f64, high: f64) -> Result<Self, ScaleError> {
+        let Self { low, high, .. } = Self::linear(low, high)?;
+        if low <= 0.0 {
+            return Err(ScaleError::Logarithm { low });
+        }
+        Ok(Self { low, high, logarithmic: true })
+    }
+
+    /// Where on the scale a value lies: 0 at its low end, 1 at its high end.
+    pub fn position(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.low).ln() / (self.high / self.low).ln()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
+    }
+
+    /// The value at a position: the inverse of [`Self::position`].
+    pub fn value(&self, position: f64) -> f64 {
+        if self.logarithmic {
+            self.low * (self.high / self.low).powf(position)
+        } else {
+            self.low + (self.high - self.low) * position
+        }
+    }
+
+    /// The colour of a value.
+    pub fn colour(&self, value: f64) -> [u8; 3] {
+        colour(self.position(value))
+    }
+
+    /// An upright legend of `height` rows, high values on top, with `ticks` numbers to its right on black.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer than two ticks or fewer than 8 rows a tick.
+    pub fn legend(&self, height: u32, ticks: u32) -> Image {
+        assert!(ticks >= 2 && height >= 8 * ticks, "{ticks} ticks on {height} rows");
+        let mut image = Image::filled(BAR + 2 * MARGIN + WIDEST * 4, height, [0; 3]);
+        for y in 0..height {
+            let colour = colour(1.0 - f64::from(y) / f64::from(height - 1));
+            (0..BAR).for_each(|x| image.set(x, y, colour));
+        }
+        for tick in 0..ticks {
+            let position = f64::from(tick) / f64::from(ticks - 1);
+            let row = ((1.0 - position) * f64::from(height - 1)).round() as u32;
+            (BAR..BAR + MARGIN - 2).for_each(|x| image.set(x, row, [255; 3]));
+            let top = row.saturating_sub(2).min(height - 5);
+            draw(&mut image, BAR + MARGIN, top, &label(self.value(position)));
+        }
+        image
+    }
+}
+
+/// Columns of the legend's bar, of the space beside it, and characters of the longest number.
+const BAR: u32 = 16;
+const MARGIN: u32 = 6;
+const WIDEST: u32 = 8;
+
+/// A number with three digits that count, in at most eight characters.
+fn label(value: f64) -> String {
+    let exponent = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    if (-3..5).contains(&exponent) {
+        format!("{value:.*}", usize::try_from(2 - exponent).unwrap_or(0))
+    } else {
+        format!("{value:.1e}")
+    }
+}
+
+/// Digits of 3 × 5 pixels, five rows of three bits.
+fn glyph(character: char) -> u16 {
+    match character {
+        '0' => 0b111_101_101_101_111,
+        '1' => 0b010_110_010_010_111,
+        '2' => 0b111_001_111_100_111,
+        '3' => 0b111_001_111_001_111,
+        '4' => 0b101_101_111_001_001,
+        '5' => 0b111_100_111_001_111,
+        '6' => 0b111_100_111_101_111,
+        '7' => 0b111_001_001_001_001,
+        '8' => 0b111_101_111_101_111,
+        '9' => 0b111_101_111_001_111,
+        '-' => 0b000_000_111_000_000,
+        '.' => 0b000_000_000_000_010,
+        'e' => 0b000_111_111_100_111,
+        _ => 0,
+    }
+}
+
+fn draw(image: &mut Image, left: u32, top: u32, text: &str) {
+    for (k, character) in (0..WIDEST).zip(text.chars()) {
+        let bits = glyph(character);
+        for (x, y) in (0..5).flat_map(|y| (0..3).map(move |x| (x, y))) {
+            if bits >> (14 - (3 * y + x)) & 1 == 1 {
+                image.set(left + 4 * k + x, top + y, [255; 3]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance by the sRGB standard's weights, from bytes back through the transfer function.
+    fn luminance(colour: [u8; 3]) -> f64 {
+        let linear = colour.map(|byte| {
+            let s = f64::from(byte) / 255.0;
+            if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+        });
+        0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    }
+
+    /// CIE lightness L* = 116·Y^(1/3) − 16 is an independent measure of perceived lightness; 64 steps are more than
+    /// the eye tells apart, and each differs by more than the rounding to bytes.
+    #[test]
+    fn lightness_grows_with_every_step() {
+        let lightness: Vec<f64> =
+            (0..=64).map(|k| 116.0 * luminance(colour(f64::from(k) / 64.0)).cbrt() - 16.0).collect();
+        let steps: Vec<f64> = lightness.windows(2).map(|w| w[1] - w[0]).collect();
+        let (least, most) =
+            (steps.iter().copied().fold(f64::INFINITY, f64::min), steps.iter().copied().fold(0.0, f64::max));
+        assert!(least > 0.4 && most < 2.4, "steps of L* from {least} to {most}");
+    }
+
+    #[test]
+    fn values_outside_of_the_scale_have_the_colours_of_its_ends() {
+        let scale = Scale::linear(2.0, 6.0).unwrap();
+        assert_eq!((scale.colour(-1e9), scale.colour(f64::NAN)), (colour(0.0), colour(0.0)));
+        assert_eq!(scale.colour(1e9), colour(1.0));
+    }
+
+    #[test]
+    fn the_middle_of_a_logarithmic_scale_is_the_geometric_mean() {
+        let scale = Scale::logarithmic(1e-4, 1.0).unwrap();
+        assert!((scale.position(1e-2) - 0.5).abs() < 1e-15 && (scale.value(0.5) - 1e-2).abs() < 1e-16);
+        assert_eq!(Scale::logarithmic(0.0, 1.0), Err(ScaleError::Logarithm { low: 0.0 }));
+        assert_eq!(Scale::linear(1.0, 1.0), Err(ScaleError::Range { low: 1.0, high: 1.0 }));
+    }
+
+    #[test]
+    fn labels_keep_three_digits() {
+        let labels = [0.0, 1.0, 12.34, -0.0123, 54321.0, 1e-7, 2.5e12].map(label);
+        assert_eq!(labels, ["0.00", "1.00", "12.3", "-0.0123", "54321", "1.0e-7", "2.5e12"]);
+        assert!(labels.iter().all(|l| l.len() <= WIDEST as usize));
+    }
+
+    #[test]
+    fn a_legend_has_its_high_end_on_top() {
+        let legend = Scale::linear(0.0, 1.0).unwrap().legend(100, 5);
+        assert_eq!((legend.pixel(0, 0), legend.pixel(0, 99)), (colour(1.0), colour(0.0)));
+        assert!(legend.rgb.chunks(3).filter(|p| *p == [255; 3]).count() > 5 * 20, "numbers are drawn");
+    }
+}

@@ -1,0 +1,20 @@
+//! Pictures of radiosity solutions.
+//!
+//! A [`Camera`] looks at facets, a [`View`] remembers what each of its pixels sees, and colours come from one
+//! [`Exposure`] for all pictures of a comparison or from a [`Scale`] of false colours. What is *not* here: files
+//! (`radiosity-io` writes them), BRDFs and a view-dependent second pass. Every facet is shown in the one radiosity it has,
+//! the same from all sides and without interpolation, so that blockiness is seen as it is.
+
+pub mod camera;
+pub mod false_colour;
+pub mod flat;
+pub mod image;
+pub mod tone;
+pub mod view;
+
+pub use camera::{Camera, CameraError};
+pub use false_colour::{Scale, ScaleError};
+pub use flat::flat_picture;
+pub use image::Image;
+pub use tone::Exposure;
+pub use view::{BackFaces, View, ViewSettings, render};

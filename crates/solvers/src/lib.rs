@@ -1,0 +1,90 @@
+//! Solution methods for the radiosity system, one file a method.
+//!
+//! | name | method | reads | forms | symmetric stores only |
+//! |---|---|---|---|---|
+//! | `direct` | [`Direct`] | every row once, then one product a step | full | no (Cholesky or LU) |
+//! | `jacobi` | [`Jacobi`] | one product a step | all | no |
+//! | `gauss-seidel` | [`GaussSeidel`] | one sweep a step | full, elements → patches | no |
+//! | `cg` | [`ConjugateGradient`] | one product a step | full | yes |
+//! | `shooting` | [`Shooting`] | one row a step | full, patches → elements | no |
+//!
+//! All bands are solved at once. Stopping, timing and verification are [`radiosity_core::solve`]'s. [`ambient`] is for
+//! display. What is *not* here: geometry, and how form factors are had or kept.
+
+pub mod ambient;
+mod conjugate_gradient;
+mod direct;
+mod gauss_seidel;
+mod jacobi;
+mod shooting;
+
+use radiosity_core::{Direction, SolveError, Solver};
+
+pub use conjugate_gradient::ConjugateGradient;
+pub use direct::{Direct, Factorisation};
+pub use gauss_seidel::GaussSeidel;
+pub use jacobi::Jacobi;
+pub use shooting::Shooting;
+
+/// Names that [`by_name`] knows, in the order of [`all`].
+pub const NAMES: [&str; 5] = ["direct", "jacobi", "gauss-seidel", "cg", "shooting"];
+
+/// One of each method, in the direction it is made for.
+pub fn all() -> Vec<Box<dyn Solver>> {
+    NAMES.into_iter().filter_map(by_name).collect()
+}
+
+/// The method called `name`, in the direction it is made for: shooting shoots, all others gather.
+pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
+    let direction = if name == "shooting" { Direction::Shoot } else { Direction::Gather };
+    by_name_in(name, direction).ok().flatten()
+}
+
+/// The method called `name`, reading the full form in `direction`; `None` if there is no such method.
+///
+/// On a symmetric store the direction changes nothing. On rows of a row-wise estimator gathering and shooting solve
+/// different systems, and only methods that read the same way can be compared.
+///
+/// # Errors
+///
+/// [`SolveError::NeedsDirection`] if the method cannot read that way.
+pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Solver>>, SolveError> {
+    let solver: Box<dyn Solver> = match name {
+        "direct" => Box::new(Direct::new(Factorisation::Automatic, direction)),
+        "jacobi" => Box::new(Jacobi::new(direction)),
+        "gauss-seidel" => Box::new(GaussSeidel::default()),
+        "cg" => Box::new(ConjugateGradient::default()),
+        "shooting" => Box::new(Shooting::default()),
+        _ => return Ok(None),
+    };
+    let needs = solver.needs();
+    if needs.direction != direction && !needs.symmetric {
+        return Err(SolveError::NeedsDirection { solver: solver.name(), direction });
+    }
+    Ok(Some(solver))
+}
+
+/// Σ A|x| of a band over what the band emits; 0 when nothing is left, also of a band in which nothing emits.
+fn fraction(left: f64, emitted: f64) -> f64 {
+    if left == 0.0 { 0.0 } else { left / emitted }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_gives_the_solver_of_that_name() {
+        assert_eq!(all().iter().map(|solver| solver.name()).collect::<Vec<_>>(), NAMES);
+        assert!(by_name("gauss").is_none());
+    }
+
+    #[test]
+    fn a_direction_that_a_method_cannot_read_is_refused() {
+        let refused = by_name_in("shooting", Direction::Gather).map(|_| ());
+        assert_eq!(refused, Err(SolveError::NeedsDirection { solver: "shooting", direction: Direction::Gather }));
+        assert!(by_name_in("gauss-seidel", Direction::Shoot).is_err());
+        // On the symmetric systems that it takes, conjugate gradients solve both.
+        assert!(by_name_in("cg", Direction::Shoot).is_ok());
+    }
+}

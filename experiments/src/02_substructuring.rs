@@ -1,0 +1,224 @@
+//! Elements as a substructure of patches.
+//!
+//! Question: what do m elements under n patches save against m patches, and what do they cost in accuracy? Theory: m·n
+//! form factors instead of m²; gathering (elements → patches) and the two-level form start the estimator for every
+//! element, shooting (patches → elements) only for every patch; the error of a patch's constant radiosity stays while
+//! n is small and vanishes as n → m. Measured on the Cornell box by hemicube, as in the course (reference: a much finer run),
+//! and in an empty room by analytic pairs (reference: pairs on a mesh of 24 × 24, whose cost a pair does not depend on what
+//! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. Read: time against m·n; error against n. Not shown: patches chosen where they
+//! are needed.
+
+use std::error::Error;
+
+use radiosity::{GridValues, Method, Shape, Store, Strategy, Yardstick};
+use radiosity_experiments::{Context, Experiment, Profile, Row, SeriesOfRows, Tables, group_by};
+use radiosity_gallery::ManufacturedRoom;
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::Subdivision;
+use radiosity_plot::fit::PowerLaw;
+use radiosity_plot::numbers;
+use radiosity_plot::{Axis, Figure, Panel, Series};
+
+use crate::common::{GRID, cornell, cornell_truth, record, times};
+use crate::truth::Truth;
+
+/// The experiment.
+pub struct Substructuring;
+
+/// A scene with the estimator it is measured by.
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    method: Method,
+    best: Method,
+}
+
+fn cases(profile: Profile) -> Result<Vec<Case>, Box<dyn Error>> {
+    let mut room = ManufacturedRoom::default().scene();
+    room.materials[5].emission = vec![10.0];
+    let exact = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+    Ok(vec![
+        Case {
+            name: "Cornell box",
+            scene: cornell()?,
+            method: Method::Hemicube { resolution: profile.pick(16, 64, 128) },
+            best: exact,
+        },
+        Case { name: "empty room", scene: room, method: Method::Analytic { tolerance: 1e-6, samples: 1 }, best: exact },
+    ])
+}
+
+/// (elements, patches) along an edge of a face: n varied at fixed m, then m at fixed n.
+fn meshes(profile: Profile) -> [Vec<(u32, u32)>; 2] {
+    let k: u32 = profile.pick(4, 8, 16);
+    let patches = (0..4).map(|step| k >> step).filter(|&p| p >= 1).map(|p| (k, p)).collect();
+    let fixed = profile.pick(1, 2, 2);
+    let elements = profile.pick(vec![1, 2, 4], vec![2, 4, 8, 16], vec![4, 8, 16, 32]);
+    [patches, elements.into_iter().map(|e| (e, fixed)).collect()]
+}
+
+fn strategies(elements: u32, patches: u32, method: Method) -> Vec<Strategy> {
+    let forms = [
+        (Shape::Full, "gauss-seidel"),
+        (Shape::ElementsToPatches, "gauss-seidel"),
+        (Shape::PatchesToElements, "shooting"),
+        (Shape::TwoLevel, "direct"),
+    ];
+    let mut all = Vec::new();
+    for (shape, solver) in forms {
+        // The full form has no patches of its own: it stands at n = m alone.
+        if shape == Shape::Full && patches != elements {
+            continue;
+        }
+        let mut strategy = Strategy::new(Subdivision::Uniform(elements), method);
+        strategy.mesh.patches = (shape != Shape::Full).then_some(Subdivision::Uniform(patches));
+        all.push(Strategy { shape, solver: solver.to_owned(), unshot: 1e-4, store: Store::Dense, ..strategy });
+    }
+    all
+}
+
+impl Experiment for Substructuring {
+    fn name(&self) -> &'static str {
+        "02-substructuring"
+    }
+
+    fn question(&self) -> &str {
+        "What do m elements under n patches save against m patches, and what do they cost in accuracy?"
+    }
+
+    fn expects(&self) -> &str {
+        "m·n form factors instead of m², so time and memory linear in m at fixed n and in n at fixed m. Shooting starts \
+         the estimator n times, gathering and the two-level form m times. The error falls with n until the elements' own \
+         error is reached."
+    }
+
+    fn settings(&self, profile: Profile) -> serde_json::Value {
+        serde_json::json!({ "meshes": format!("{:?}", meshes(profile)), "unshot": 1e-4, "seed": 1 })
+    }
+
+    fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
+        let profile = context.profile();
+        let [varied_n, varied_m] = meshes(profile);
+        let cases = cases(profile)?;
+        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()));
+        for case in &cases {
+            let truth = if case.name == "Cornell box" {
+                cornell_truth(context, &case.scene)?
+            } else {
+                pairs_truth(&case.scene, profile.pick(8, 24, 32))?
+            };
+            let reference_error = truth.error;
+            let most_pairs = profile.pick(1 << 16, 1 << 20, 4 << 20);
+            let mut yardstick = Yardstick::new(&case.scene, truth.grid, GRID, case.best, most_pairs);
+            for (series, meshes) in [("n varied", &varied_n), ("m varied", &varied_m)] {
+                for &(elements, patches) in meshes {
+                    for strategy in strategies(elements, patches, case.method) {
+                        if series == "m varied" && strategy.shape == Shape::Full {
+                            continue;
+                        }
+                        let measured = yardstick.measure(&strategy, false)?;
+                        let key = format!("{}/{series}/{elements}/{patches}/{}", case.name, strategy.shape.name());
+                        let line = record(key.clone(), &strategy, &measured)
+                            .text("scene", case.name)
+                            .text("series", series)
+                            .float("reference_error", reference_error);
+                        context.record(times(line, &case.scene, &strategy, &measured)?);
+                        context.tick(key);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn plots(&self, tables: &Tables) -> Vec<Figure> {
+        let panel = |scene: &str, series: &str, x: (&str, &str), y: (&'static str, &str, &str), fitted: bool| {
+            let rows = tables.select(|r| r.text("series") == series && r.text("scene") == scene);
+            let lines = group_by(rows, "form").into_iter().map(|(form, rows)| {
+                let line = Series::new(&*form, &*form).rows(rows, |r| (value(r, x.0), value(r, y.0)));
+                if fitted { line.fit() } else { line }
+            });
+            let unit = if x.0 == "time" { "s" } else { "" };
+            let lines: Vec<_> = lines.collect();
+            Panel::new(Axis::log(x.1, unit), Axis::log(y.1, y.2)).title(scene).all_series(lines)
+        };
+        let n = ("patches", "patches n, m fixed");
+        let m = ("elements", "elements m, n fixed");
+        let (room, cornell) = ("empty room", "Cornell box");
+        let error = ("error", "error", "share of the mean");
+        vec![
+            Figure::new("cost", "Form factors and time, by analytic pairs")
+                .caption("Form factors are exact counts; slopes are fitted. Full stands at n = m.")
+                .panel(panel(room, "n varied", n, ("form_factors", "form factors", ""), true))
+                .panel(panel(room, "m varied", m, ("form_factors", "form factors", ""), true))
+                .panel(panel(room, "m varied", m, ("time", "time", "s"), true)),
+            Figure::new("evaluations", "Source evaluations, time and memory, by hemicube")
+                .caption("A source evaluation is one hemicube: shooting needs one a patch, gathering one an element.")
+                .panel(panel(cornell, "n varied", n, ("source_evaluations", "source evaluations", ""), false))
+                .panel(panel(cornell, "n varied", n, ("time", "time", "s"), false))
+                .panel(panel(cornell, "n varied", n, ("stored_bytes", "memory of form factors", "bytes"), false)),
+            Figure::new("error", "Error against patches")
+                .caption("rms of irradiance over 8 × 8 cells a face, m fixed and n varied.")
+                .panel(panel(cornell, "n varied", n, error, false))
+                .panel(panel(room, "n varied", n, error, false)),
+            Figure::new("error-time", "Error against time")
+                .caption("One mark a number of patches, m fixed.")
+                .panel(panel(cornell, "n varied", ("time", "time"), error, false))
+                .panel(panel(room, "n varied", ("time", "time"), error, false)),
+        ]
+    }
+
+    fn reading(&self, tables: &Tables) -> Vec<String> {
+        let slope = |series: &str, x: &str, y: &str| {
+            let rows = tables.select(|r| {
+                r.text("scene") == "empty room" && r.text("series") == series && r.text("form") == "elements-to-patches"
+            });
+            PowerLaw::through(rows.iter().map(|r| (r.number(x), value(r, y))))
+                .map_or_else(|| "(unknown)".to_owned(), |law| format!("({:.2} ± {:.2})", law.slope, law.interval))
+        };
+        let rows = |form: &str| {
+            tables.select(|r| {
+                r.text("scene") == "Cornell box" && r.text("series") == "n varied" && r.text("form") == form
+            })
+        };
+        let mut reading = vec![format!(
+            "In the empty room, gathering from patches, form factors grow like m^{} at fixed n and like n^{} at fixed m, and time \
+             like m^{}.",
+            slope("m varied", "elements", "form_factors"),
+            slope("n varied", "patches", "form_factors"),
+            slope("m varied", "elements", "time"),
+        )];
+        let shoot = rows("patches-to-elements");
+        if let (Some(full), Some(some)) = (rows("full").first(), shoot.get(1)) {
+            reading.push(format!(
+                "On the Cornell box, {} patches shooting to {} elements take {} hemicubes and {} instead of {} and {} for every \
+                 element, at an error of {} instead of {}.",
+                some.number("patches"),
+                some.number("elements"),
+                some.number("source_evaluations"),
+                numbers::seconds(some.seconds("time")),
+                full.number("source_evaluations"),
+                numbers::seconds(full.seconds("time")),
+                numbers::percent(some.number("error")),
+                numbers::percent(full.number("error"))
+            ));
+        }
+        reading
+    }
+}
+
+/// The reference of a scene in which nothing blocks: analytic pairs on a fine mesh, against half as fine.
+fn pairs_truth(scene: &Scene, k: u32) -> Result<Truth, Box<dyn Error>> {
+    let grid = |k: u32| -> Result<GridValues, Box<dyn Error>> {
+        let method = Method::Analytic { tolerance: 1e-8, samples: 1 };
+        let run = radiosity::run(scene, &Strategy::new(Subdivision::Uniform(k), method), &mut ())?;
+        Ok(GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?)
+    };
+    let fine = grid(k)?;
+    let error = grid(k / 2)?.error(&fine).rms;
+    Ok(Truth { grid: fine, error })
+}
+
+fn value(row: &Row<'_>, column: &str) -> f64 {
+    if column == "time" { row.seconds(column) } else { row.number(column) }
+}

@@ -1,0 +1,224 @@
+//! Every solver on every store.
+//!
+//! Question: which method solves the radiosity system first, as the reflectance grows, and when does keeping form factors
+//! pay? Theory: Jacobi contracts by the spectral radius of ρF, which ρ bounds; Gauss–Seidel takes about half its
+//! sweeps; conjugate gradients follow the few eigenvalues apart from the rest; shooting reads one row a step and is
+//! ahead while little has been shot; a direct method does not see ρ. Recomputed form factors make each pass as dear as
+//! the first. Measured on the Cornell box with all reflectances scaled so that the largest is 0.1 to 0.99, analytic pairs;
+//! error of irradiance against the exact solution of the same system. Read: curves of error inside a run. Not shown:
+//! the mesh's own error, a level in the figure.
+
+use std::error::Error;
+
+use radiosity::{Method, Store, Strategy, Yardstick};
+use radiosity_experiments::{Context, Experiment, Profile, Record, SeriesOfRows, Tables, group_by};
+use radiosity_geometry::mesh::Subdivision;
+use radiosity_plot::numbers;
+use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
+
+use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
+use crate::truth::{Fineness, truth};
+
+/// The experiment.
+pub struct Solvers;
+
+const METHOD: Method = Method::Analytic { tolerance: 1e-8, samples: 64 };
+const UNSHOT: f64 = 1e-8;
+
+fn elements(profile: Profile) -> u32 {
+    profile.pick(1, 3, 6)
+}
+
+fn largest_reflectances(profile: Profile) -> Vec<f64> {
+    profile.pick(vec![0.5], vec![0.1, 0.5, 0.9, 0.99], vec![0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+}
+
+fn strategies(k: u32) -> Vec<Strategy> {
+    let mut all = Vec::new();
+    // Solvers of one system come one after the other: its exact solution is taken once.
+    for store in Store::ALL {
+        for solver in radiosity_solvers::NAMES {
+            let strategy = Strategy::new(Subdivision::Uniform(k), METHOD);
+            all.push(Strategy { store, solver: solver.to_owned(), unshot: UNSHOT, ..strategy });
+        }
+    }
+    all
+}
+
+impl Experiment for Solvers {
+    fn name(&self) -> &'static str {
+        "04-solvers"
+    }
+
+    fn question(&self) -> &str {
+        "Which method solves the radiosity system first as the reflectance grows, and when does keeping form factors pay?"
+    }
+
+    fn expects(&self) -> &str {
+        "Jacobi contracts by at most ρ, Gauss–Seidel takes about half its sweeps, conjugate gradients a number that hardly \
+         grows, a direct method does not see ρ. Shooting leads early. Recomputing form factors pays only for a method that \
+         reads few rows."
+    }
+
+    fn settings(&self, profile: Profile) -> serde_json::Value {
+        serde_json::json!({
+            "elements": elements(profile), "reflectances": largest_reflectances(profile), "unshot": UNSHOT,
+            "method": format!("{METHOD:?}"),
+        })
+    }
+
+    fn slack(&self, column: &str) -> f64 {
+        // Solver errors near rounding differ in their digits between processors.
+        if column == "solver_error" { 1e-9 } else { 0.0 }
+    }
+
+    fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
+        let profile = context.profile();
+        let reflectances = largest_reflectances(profile);
+        let strategies = strategies(elements(profile));
+        context.begin(reflectances.len() * (strategies.len() + 4));
+        let scene = cornell()?;
+        let largest = scene.materials.iter().flat_map(|m| &m.reflectance).copied().fold(0.0, f64::max);
+        for rho in reflectances {
+            let scene = with_reflectance(&scene, rho / largest);
+            let fineness = profile.pick(
+                Fineness { elements: 4, patches: 2, rays: 64, segments: 32 },
+                Fineness { elements: 12, patches: 6, rays: 256, segments: 128 },
+                Fineness { elements: 32, patches: 8, rays: 2048, segments: 512 },
+            );
+            let truth = truth(&scene, fineness, GRID)?;
+            let reference_error = truth.error;
+            context.advance(4, format!("ρ = {rho}: reference"));
+            let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+            let mut yardstick = Yardstick::new(&scene, truth.grid, GRID, best, 4 << 20);
+            for strategy in &strategies {
+                let key = format!("{rho}/{}/{}", strategy.store.name(), strategy.solver);
+                let measured = yardstick.measure(strategy, true)?;
+                for point in &measured.history {
+                    let line = described(format!("{key}/step {}", point.step), strategy)
+                        .text("kind", "step")
+                        .float("reflectance", rho)
+                        .int("step", point.step)
+                        .float("solver_error", point.solver_error)
+                        .float("error", point.error);
+                    context.record(counts(line, &point.cost).seconds("time", point.seconds));
+                }
+                let line: Record = record(key.clone(), strategy, &measured)
+                    .text("kind", "run")
+                    .float("reflectance", rho)
+                    .float("reference_error", reference_error);
+                context.record(times(line, &scene, strategy, &measured)?);
+                context.tick(key);
+            }
+        }
+        Ok(())
+    }
+
+    fn plots(&self, tables: &Tables) -> Vec<Figure> {
+        // Histories on the dense store, one panel a reflectance.
+        let history = |x: &'static str, label: &str, unit: &str, stores: &[&str]| {
+            let steps = tables.select(|r| r.text("kind") == "step" && stores.contains(&r.text("store")));
+            let picked = group_by(steps, "reflectance")
+                .into_iter()
+                .filter(|(rho, _)| ["0.5", "0.9", "0.99"].contains(&rho.as_str()));
+            let panels = picked.map(|(rho, rows)| {
+                let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
+                    Series::new(&*solver, &*solver).rows(rows, |r| {
+                        (if x == "time" { r.seconds(x) } else { r.number(x) }, r.number("solver_error").max(1e-13))
+                    })
+                });
+                let axes = (Axis::log(label, unit), Axis::log("solver error", "share of the mean").limits(1e-10, 2.0));
+                Panel::new(axes.0, axes.1).title(format!("largest ρ = {rho}")).all_series(series)
+            });
+            panels.collect::<Vec<_>>()
+        };
+        let sweeps = {
+            let rows = tables.select(|r| r.text("kind") == "run" && r.text("store") == "dense");
+            let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
+                let passes = move |r: &radiosity_experiments::Row<'_>| {
+                    let m = r.number("elements");
+                    (1.0 / (1.0 - r.number("reflectance")), (r.number("entries_read") / (m * m)).max(1.0))
+                };
+                Series::new(&*solver, &*solver).rows(rows, passes)
+            });
+            let series: Vec<_> = series.collect();
+            Panel::new(Axis::log("1/(1 − ρ)", ""), Axis::log("passes over the form factors", ""))
+                .title("passes")
+                .all_series(series)
+        };
+        let stores = {
+            let rows = tables.select(|r| r.text("kind") == "run" && r.text("reflectance") == "0.9");
+            let dashes = [("dense", Dash::Solid), ("on-demand, recomputed", Dash::Dashed)];
+            let series = dashes.into_iter().flat_map(|(store, dash)| {
+                let rows: Vec<_> = rows.iter().copied().filter(|r| r.text("store") == store).collect();
+                group_by(rows, "solver")
+                    .into_iter()
+                    .map(move |(solver, rows)| {
+                        Series::new(format!("{solver}, {store}"), &*solver)
+                            .rows(rows, |r| (r.seconds("time"), r.number("form_factors")))
+                            .dash(dash)
+                            .scatter()
+                    })
+                    .collect::<Vec<_>>()
+            });
+            let series: Vec<_> = series.collect();
+            Panel::new(Axis::log("time", "s"), Axis::log("form factors computed", ""))
+                .title("kept or recomputed, ρ = 0.9")
+                .all_series(series)
+        };
+        vec![
+            Figure::new("error-time", "Solver error against time, dense store")
+                .caption("Time includes filling the store. Marks lie at geometric steps of one run.")
+                .panels(history("time", "time", "s", &["dense"]))
+                .shared_y(),
+            Figure::new("error-entries", "Solver error against entries read, dense store")
+                .caption("Entries read are exact counts: m² is one pass.")
+                .panels(history("entries_read", "entries read", "", &["dense"]))
+                .shared_y(),
+            Figure::new("error-form-factors", "Solver error against form factors computed, rows computed on demand and kept")
+                .caption("Shooting has an answer before most rows have been computed; every other method needs all of them for its first step.")
+                .panels(history("form_factors", "form factors computed", "", &["on-demand, kept"]))
+                .shared_y(),
+            Figure::new("reflectance", "Passes against reflectance, and form factors kept or recomputed")
+                .caption("Passes: entries read over m². Right: each mark is a whole run to η = 1e-8.")
+                .panel(sweeps)
+                .panel(stores),
+        ]
+    }
+
+    fn reading(&self, tables: &Tables) -> Vec<String> {
+        let runs = tables.select(|r| r.text("kind") == "run");
+        let find = |rho: &str, store: &str, solver: &str| {
+            runs.iter()
+                .find(|r| r.text("reflectance") == rho && r.text("store") == store && r.text("solver") == solver)
+                .copied()
+        };
+        let steps = |rho: &str, solver: &str| {
+            find(rho, "dense", solver).map_or_else(|| "?".into(), |r| r.text("steps").to_owned())
+        };
+        let last = runs.last().map_or("0.9", |r| r.text("reflectance"));
+        let first = runs.first().map_or("0.9", |r| r.text("reflectance"));
+        let seconds = |store: &str, solver: &str| {
+            find(last, store, solver).map_or_else(|| "?".into(), |r| numbers::seconds(r.seconds("time")))
+        };
+        vec![
+            format!(
+                "From ρ = {first} to {last} Jacobi goes from {} to {} sweeps, Gauss–Seidel from {} to {}, conjugate gradients from {} to \
+                 {} products.",
+                steps(first, "jacobi"),
+                steps(last, "jacobi"),
+                steps(first, "gauss-seidel"),
+                steps(last, "gauss-seidel"),
+                steps(first, "cg"),
+                steps(last, "cg")
+            ),
+            format!(
+                "At ρ = {last}, recomputing form factors takes Jacobi {} instead of {}, shooting {} instead of {}.",
+                seconds("on-demand, recomputed", "jacobi"),
+                seconds("dense", "jacobi"),
+                seconds("on-demand, recomputed", "shooting"),
+                seconds("dense", "shooting")
+            ),
+        ]
+    }
+}

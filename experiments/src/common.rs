@@ -1,0 +1,193 @@
+//! What several experiments share: scenes, the record of a measured run, pictures.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use radiosity::{GridValues, Measured, Method, Strategy, run};
+use radiosity_core::{BandValues, Cost};
+use radiosity_geometry::{Occluders, Scene};
+use radiosity_io::{ReadOptions, read_scene};
+use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
+
+use radiosity_experiments::{Context, Profile, Record};
+
+use crate::truth::{Fineness, Truth, truth};
+
+/// Cells of the report grid along an edge of a face.
+pub const GRID: u32 = 8;
+
+/// The Cornell box of this project's scenes.
+pub fn cornell() -> Result<Scene, Box<dyn Error>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell_box.obj");
+    Ok(read_scene(&path, &ReadOptions::default())?.scene)
+}
+
+/// The scene with every reflectance times `factor`.
+pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
+    let mut scene = scene.clone();
+    for rho in scene.materials.iter_mut().flat_map(|m| &mut m.reflectance) {
+        *rho *= factor;
+    }
+    scene
+}
+
+/// How fine the reference of the Cornell box is.
+pub fn fineness(profile: Profile) -> Fineness {
+    profile.pick(
+        Fineness { elements: 8, patches: 4, rays: 128, segments: 64 },
+        Fineness { elements: 24, patches: 12, rays: 1024, segments: 256 },
+        Fineness { elements: 48, patches: 12, rays: 4096, segments: 1024 },
+    )
+}
+
+/// The reference of the Cornell box, kept beside the results so that experiments share it.
+pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
+    let fineness = fineness(context.profile());
+    let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join("truth");
+    let Fineness { elements, patches, rays, segments } = fineness;
+    let file = folder.join(format!("cornell-{elements}-{patches}-{rays}-{segments}.csv"));
+    match read_truth(&file) {
+        Ok(known) => Ok(known),
+        Err(_) => {
+            let known = truth(scene, fineness, GRID)?;
+            std::fs::create_dir_all(&folder)?;
+            write_truth(&file, &known)?;
+            Ok(known)
+        }
+    }
+}
+
+fn write_truth(file: &Path, truth: &Truth) -> Result<(), Box<dyn Error>> {
+    let grid = &truth.grid;
+    let mut table = csv::Writer::from_path(file)?;
+    let bands = grid.values.count();
+    let names = (0..bands).map(|b| format!("H_{b}"));
+    table.write_record(["surface", "i", "j", "area", "error"].map(str::to_owned).into_iter().chain(names))?;
+    for (c, &(i, j)) in grid.indices.iter().enumerate() {
+        let start = [grid.surfaces[c].to_string(), i.to_string(), j.to_string()];
+        let reals = [grid.areas[c], truth.error].into_iter().chain((0..bands).map(|b| grid.values.band(b)[c]));
+        table.write_record(start.into_iter().chain(reals.map(|v| format!("{v:e}"))))?;
+    }
+    table.flush()?;
+    Ok(())
+}
+
+fn read_truth(file: &Path) -> Result<Truth, Box<dyn Error>> {
+    let mut table = csv::Reader::from_path(file)?;
+    let bands = table.headers()?.len().checked_sub(5).filter(|&b| b > 0).ok_or("no bands")?;
+    let (mut surfaces, mut indices, mut areas) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut cells, mut error) = (Vec::new(), 0.0);
+    for record in table.records() {
+        let record = record?;
+        let at = |k: usize| record.get(k).ok_or("a short line");
+        surfaces.push(at(0)?.parse()?);
+        indices.push((at(1)?.parse()?, at(2)?.parse()?));
+        areas.push(at(3)?.parse()?);
+        error = at(4)?.parse()?;
+        cells.push((0..bands).map(|b| Ok(at(5 + b)?.parse()?)).collect::<Result<Vec<f64>, Box<dyn Error>>>()?);
+    }
+    let values = (0..bands).flat_map(|b| cells.iter().map(move |cell| cell[b])).collect();
+    let grid = GridValues { surfaces, indices, values: BandValues::new(values, areas.len()), areas };
+    Ok(Truth { grid, error })
+}
+
+/// Columns that every measured run has.
+pub fn record(key: String, strategy: &Strategy, measured: &Measured<'_>) -> Record {
+    let run = &measured.run;
+    let solution = &run.solution;
+    let record = counts(described(key, strategy), &run.cost())
+        .int("elements", run.geometry.elements().len())
+        .int("patches", run.geometry.patches().len())
+        .text("outcome", solution.outcome)
+        .int("steps", solution.steps)
+        .int("stored_bytes", run.stored_bytes)
+        .float("error", measured.error.rms)
+        .float("worst_cell", measured.error.worst)
+        .float("solver_error", measured.solver_error)
+        .float("form_factor_error", measured.form_factor_error);
+    match measured.mesh_error {
+        Some(error) => record.float("mesh_error", error),
+        None => record,
+    }
+}
+
+/// A record that names its strategy.
+pub fn described(key: String, strategy: &Strategy) -> Record {
+    Record::new(key)
+        .text("method", strategy.method.name())
+        .text("setting", setting(strategy.method))
+        .text("store", strategy.store.name())
+        .text("form", strategy.shape.name())
+        .text("solver", &strategy.solver)
+}
+
+/// The number that says how fine an estimator is.
+pub fn setting(method: Method) -> u32 {
+    match method {
+        Method::Analytic { samples, .. } => samples,
+        Method::RayCast { rays } => rays,
+        Method::Hemicube { resolution } => resolution,
+    }
+}
+
+/// A record with its counts.
+pub fn counts(record: Record, cost: &Cost) -> Record {
+    record
+        .int("form_factors", cost.form_factors)
+        .int("source_evaluations", cost.source_evaluations)
+        .int("rays", cost.rays)
+        .int("hemicube_pixels", cost.hemicube_pixels)
+        .int("entries_read", cost.entries)
+}
+
+/// Times of a strategy: that of the measured run, and of more runs while they are short.
+pub fn times(
+    record: Record,
+    scene: &Scene,
+    strategy: &Strategy,
+    measured: &Measured<'_>,
+) -> Result<Record, Box<dyn Error>> {
+    let first = &measured.run;
+    let mut estimate = vec![first.form_factors.time.as_secs_f64()];
+    let mut solve = vec![first.solution.time.as_secs_f64()];
+    let mut total = vec![first.seconds()];
+    // A short run is repeated: the smallest of several repeats best on a shared machine.
+    let repetitions = if total[0] < 0.3 {
+        4
+    } else if total[0] < 2.0 {
+        1
+    } else {
+        0
+    };
+    for _ in 0..repetitions {
+        let again = run(scene, &Strategy { verify: false, ..strategy.clone() }, &mut ())?;
+        estimate.push(again.form_factors.time.as_secs_f64());
+        solve.push(again.solution.time.as_secs_f64());
+        total.push(again.seconds());
+    }
+    Ok(record.repetitions("form_factor_time", &estimate).repetitions("solve_time", &solve).repetitions("time", &total))
+}
+
+/// The view into the Cornell box that its measurements were made for.
+pub fn cornell_camera(side: u32) -> Result<Camera, Box<dyn Error>> {
+    let (eye, look_at) = (DVec3::new(278.0, 273.0, -800.0), DVec3::new(278.0, 273.0, 0.0));
+    Ok(Camera::new(eye, look_at, DVec3::Y, 39.3, side, side)?)
+}
+
+/// Radiosity shown as white in every picture of the Cornell box, in W/m².
+pub const WHITE: f64 = 1.2;
+
+/// A picture of radiosities on the exposed elements, with the exposure that all pictures share.
+pub fn picture(geometry: &radiosity::Geometry<'_>, radiosity: &BandValues, side: u32) -> Result<Image, Box<dyn Error>> {
+    let facets = geometry.elements();
+    let occluders = Occluders::of_facets(facets);
+    let view = View::new(facets, &occluders, &cornell_camera(side)?, ViewSettings::default());
+    let values: Vec<[f64; 3]> = (0..facets.len()).map(|e| [0, 1, 2].map(|b| radiosity.band(b)[e])).collect();
+    Ok(view.picture(&values, Exposure::white_at(WHITE)))
+}
+
+/// Side of a picture in pixels.
+pub fn picture_side(profile: Profile) -> u32 {
+    profile.pick(48, 360, 480)
+}

@@ -1,0 +1,31 @@
+//! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
+
+mod common;
+#[path = "03_form_factors.rs"]
+mod form_factors;
+#[path = "01_patches.rs"]
+mod patches;
+#[path = "05_progressive.rs"]
+mod progressive;
+#[path = "04_solvers.rs"]
+mod solvers;
+#[path = "02_substructuring.rs"]
+mod substructuring;
+mod truth;
+
+use std::process::ExitCode;
+
+use radiosity_experiments::{Experiment, cli};
+
+/// All experiments, in the order of their numbers.
+const EXPERIMENTS: &[&dyn Experiment] = &[
+    &patches::Patches,
+    &substructuring::Substructuring,
+    &form_factors::FormFactorErrors,
+    &solvers::Solvers,
+    &progressive::Progressive,
+];
+
+fn main() -> ExitCode {
+    cli::main(EXPERIMENTS, std::env::args_os())
+}

@@ -1,0 +1,116 @@
+//! References for scenes without a closed form: a much finer run that splits light in two.
+//!
+//! Direct irradiance is the exact unoccluded form factor of the whole emitter times a finely sampled visibility; it
+//! becomes the emission ρH_direct of a system for indirect light, whose rows from elements to patches are cast as many
+//! rays. The two errors that dominate a plain fine run (a small light met by few rays, blocky first shadows) do not
+//! occur.
+
+use std::error::Error;
+
+use radiosity::{Geometry, GridValues};
+use radiosity_core::{BandValues, Form, StopRule, System, solve};
+use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::ray_cast::RayCast;
+use radiosity_form_factors::stores::DenseFormFactors;
+use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
+use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_geometry::{Facets, Scene};
+use radiosity_solvers::GaussSeidel;
+
+/// How fine a reference is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fineness {
+    /// Elements along an edge of a face.
+    pub elements: u32,
+    /// Patches along an edge of a face; must divide the elements.
+    pub patches: u32,
+    /// Rays of every element for indirect light.
+    pub rays: u32,
+    /// Segments between an element and a partly hidden emitter.
+    pub segments: u32,
+}
+
+/// Irradiance of a fine mesh.
+pub struct Fine<'a> {
+    /// The mesh.
+    pub geometry: Geometry<'a>,
+    /// H of its exposed elements.
+    pub irradiance: BandValues,
+}
+
+/// Solves `scene` finely.
+///
+/// # Errors
+///
+/// Whatever meshing, estimating or solving may meet.
+pub fn fine(scene: &Scene, fineness: Fineness, seed: u64) -> Result<Fine<'_>, Box<dyn Error>> {
+    let mesh = MeshSettings {
+        elements: Subdivision::Uniform(fineness.elements),
+        patches: Some(Subdivision::Uniform(fineness.patches)),
+        contacts: true,
+    };
+    let geometry = Geometry::new(scene, &mesh)?;
+    let (elements, patches) = (geometry.elements(), geometry.patches());
+    let areas = elements.areas();
+    let reflectance = geometry.reflectance();
+    let bands = scene.bands();
+
+    // Direct light of every emitting face, each face as a whole.
+    let mut emitters = Facets::new();
+    let mut emission = Vec::new();
+    for surface in &scene.surfaces {
+        let e = &scene.materials[surface.material].emission;
+        if e.iter().any(|&e| e > 0.0) && !surface.pieces.is_empty() {
+            emitters.push(surface.pieces.clone(), false);
+            emission.push(e.clone());
+        }
+    }
+    let analytic = Analytic::new(Some(geometry.blockers())).samples(fineness.segments);
+    let rows = PairwiseRows::new(&analytic, &emitters, elements, 1e-10, seed);
+    let mut direct = BandValues::zeros(bands, areas.len());
+    let mut row = vec![0.0; areas.len()];
+    for (s, e) in emission.iter().enumerate() {
+        rows.row(s, &mut row)?;
+        for (b, e) in e.iter().enumerate() {
+            let band = direct.band_mut(b);
+            row.iter().zip(&areas).enumerate().for_each(|(k, (f, area))| band[k] += e * f / area);
+        }
+    }
+
+    // Indirect light: what the direct light makes the elements send.
+    let mut sent = direct.clone();
+    sent.values_mut().iter_mut().zip(reflectance.values()).for_each(|(sent, rho)| *sent *= rho);
+    let receivers = Receivers::grouped(elements, geometry.parent(), patches.len());
+    let rays = RayCast::new(elements, receivers, geometry.element_occluders(), fineness.rays, seed);
+    let (store, _) = DenseFormFactors::assemble(&rays)?;
+    let form = Form::ElementsToPatches;
+    let system = System::substructured(&store, form, &areas, geometry.parent(), sent.view(), reflectance.view())?;
+    let solution = solve(&system, &mut GaussSeidel::default(), &StopRule::unshot(1e-9), &mut ())?;
+    let mut irradiance = direct;
+    irradiance.values_mut().iter_mut().zip(solution.irradiance.values()).for_each(|(h, indirect)| *h += indirect);
+    Ok(Fine { geometry, irradiance })
+}
+
+/// A reference on a report grid with its own error.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    /// Irradiance over the cells.
+    pub grid: GridValues,
+    /// rms difference from the reference of half the fineness and another seed, relative to the mean level.
+    pub error: f64,
+}
+
+/// The reference of `scene` on a `cells` × `cells` report grid.
+///
+/// # Errors
+///
+/// As [`fine`].
+pub fn truth(scene: &Scene, fineness: Fineness, cells: u32) -> Result<Truth, Box<dyn Error>> {
+    let finest = fine(scene, fineness, 1)?;
+    let grid = GridValues::means(&finest.geometry, &finest.irradiance, cells)?;
+    drop(finest);
+    let half = Fineness { elements: fineness.elements / 2, rays: fineness.rays / 2, ..fineness };
+    let half = fine(scene, half, 2)?;
+    let error = GridValues::means(&half.geometry, &half.irradiance, cells)?.error(&grid).rms;
+    Ok(Truth { grid, error })
+}
