@@ -28,12 +28,28 @@ const POINTS: u32 = 128;
 /// The experiment.
 pub struct Patches;
 
-fn methods(profile: Profile) -> Vec<(Method, Vec<u32>)> {
-    let analytic = Method::Analytic { tolerance: 1e-10, samples: 256 };
+/// Estimators with their meshes of the Cornell box and of the exact scenes, elements along an edge of a face.
+fn methods(profile: Profile) -> Vec<(Method, Vec<u32>, Vec<u32>)> {
+    let analytic = Method::Analytic { tolerance: 1e-8, samples: 256 };
     let rays = Method::RayCast { rays: 1024 };
+    let hemicube = Method::Hemicube { resolution: 64 };
+    let few = vec![1, 2, 4];
     vec![
-        (analytic, profile.pick(vec![1, 2, 4], vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16])),
-        (rays, profile.pick(vec![1, 2, 4], vec![1, 2, 4, 8, 16], vec![1, 2, 4, 8, 16, 24])),
+        (
+            analytic,
+            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
+            profile.pick(few.clone(), vec![1, 2, 4, 8, 16], vec![1, 2, 4, 8, 16, 32]),
+        ),
+        (
+            rays,
+            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16, 24]),
+            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
+        ),
+        (
+            hemicube,
+            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
+            profile.pick(few, vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
+        ),
     ]
 }
 
@@ -58,14 +74,14 @@ impl Experiment for Patches {
     fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
         let profile = context.profile();
         let methods = methods(profile);
-        context.begin(3 * methods.iter().map(|(_, sizes)| sizes.len()).sum::<usize>() + 3);
+        context.begin(methods.iter().map(|(_, sizes, exact)| sizes.len() + 2 * exact.len()).sum::<usize>() + 3);
         let scene = cornell()?;
         let truth = cornell_truth(context, &scene)?;
         let reference_error = truth.error;
         let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
         let most_pairs = profile.pick(1 << 18, 1 << 20, 16 << 20);
         let mut yardstick = Yardstick::new(&scene, truth.grid, GRID, best, most_pairs);
-        for (method, sizes) in &methods {
+        for (method, sizes, _) in &methods {
             for &k in sizes {
                 let strategy = strategy(k, *method);
                 let measured = yardstick.measure(&strategy, false)?;
@@ -76,8 +92,8 @@ impl Experiment for Patches {
                 context.tick(format!("Cornell box, {k} × {k} by {}", method.name()));
             }
         }
-        for (method, sizes) in &methods {
-            for &k in sizes {
+        for (method, _, exact) in &methods {
+            for &k in exact {
                 context.record(floor(k, *method)?);
                 context.tick(format!("floor, {k} × {k} by {}", method.name()));
                 context.record(room(k, *method)?);
@@ -121,9 +137,10 @@ impl Experiment for Patches {
             .caption("rms over 8 × 8 cells a face (Cornell box) or 128 × 128 points a face (exact scenes), relative to the mean.")
             .panels(by_scene("error", "error", "share of the mean", false));
         let time = Figure::new("time", "Time and memory of a solution")
-            .caption("Cornell box; the slope is fitted from 50 elements on.")
-            .panel(cornell_panel(tables, "time", "time", "s"))
-            .panel(cornell_panel(tables, "stored_bytes", "memory of form factors", "bytes"));
+            .caption("Slopes are fitted from 50 elements on. In the room nothing blocks, so a pair costs the same on every mesh.")
+            .panel(panel_of(tables, "manufactured room", "time", "time", "s"))
+            .panel(panel_of(tables, "Cornell box", "time", "time", "s"))
+            .panel(panel_of(tables, "Cornell box", "stored_bytes", "memory of form factors", "bytes"));
         let both = Figure::new("error-time", "Error against time")
             .caption("One mark a mesh; down and to the left is better.")
             .panels(group_by(tables.rows(), "scene").into_iter().map(|(scene, rows)| {
@@ -137,16 +154,11 @@ impl Experiment for Patches {
     }
 
     fn reading(&self, tables: &Tables) -> Vec<String> {
-        let law = |method: &str, column: &str| {
-            let rows = tables.select(|r| r.text("scene") == "Cornell box" && r.text("method") == method);
+        let say = |scene: &str, method: &str, column: &str| {
+            let rows = tables.select(|r| r.text("scene") == scene && r.text("method") == method);
             let large = rows.iter().filter(|r| r.number("elements") >= 50.0);
             PowerLaw::through(large.map(|r| (r.number("elements"), value(r, column))))
-        };
-        let say = |method: &str, column: &str| {
-            law(method, column).map_or_else(
-                || "too few sizes to fit".to_owned(),
-                |law| format!("m^{:.2} ± {:.2}", law.slope, law.interval),
-            )
+                .map_or_else(|| "(too few sizes)".to_owned(), |law| format!("({:.2} ± {:.2})", law.slope, law.interval))
         };
         let finest = |method: &str| {
             let rows = tables.select(|r| r.text("scene") == "Cornell box" && r.text("method") == method);
@@ -157,17 +169,18 @@ impl Experiment for Patches {
         };
         vec![
             format!(
-                "On the Cornell box the time of the analytic estimator grows like {}, that of {} rays a row like {}, and the \
-                 memory of a dense matrix like {}.",
-                say("analytic", "time"),
-                1024,
-                say("ray-cast", "time"),
-                say("analytic", "stored_bytes")
+                "With nothing in the way, time grows like m^{} for analytic pairs, m^{} for 1,024 rays a row and m^{} for hemicubes; \
+                 the memory of a dense matrix grows like m^{}.",
+                say("manufactured room", "analytic", "time"),
+                say("manufactured room", "ray-cast", "time"),
+                say("manufactured room", "hemicube", "time"),
+                say("Cornell box", "analytic", "stored_bytes"),
             ),
             format!(
-                "The finest analytic run reaches {}, the finest ray-cast run {}.",
+                "On the Cornell box the finest runs reach {} (analytic), {} (rays) and {} (hemicubes).",
                 finest("analytic"),
-                finest("ray-cast")
+                finest("ray-cast"),
+                finest("hemicube")
             ),
         ]
     }
@@ -177,12 +190,12 @@ fn value(row: &radiosity_experiments::Row<'_>, column: &str) -> f64 {
     if column == "time" { row.seconds(column) } else { row.number(column) }
 }
 
-fn cornell_panel(tables: &Tables, column: &'static str, label: &str, unit: &str) -> Panel {
-    let rows = tables.select_eq("scene", "Cornell box");
+fn panel_of(tables: &Tables, scene: &str, column: &'static str, label: &str, unit: &str) -> Panel {
+    let rows = tables.select_eq("scene", scene);
     let series = group_by(rows, "method").into_iter().map(|(method, rows)| {
         Series::new(&*method, &*method).rows(rows, |r| (r.number("elements"), value(r, column))).fit_from(50.0)
     });
-    Panel::new(Axis::log("elements m", ""), Axis::log(label, unit)).title(label).all_series(series)
+    Panel::new(Axis::log("elements m", ""), Axis::log(label, unit)).title(scene).all_series(series)
 }
 
 fn strategy(k: u32, method: Method) -> Strategy {

@@ -24,9 +24,7 @@ pub struct FormFactorErrors;
 
 fn methods(profile: Profile) -> Vec<Method> {
     let mut all: Vec<Method> = Vec::new();
-    for tolerance in
-        profile.pick(vec![1e-4, 1e-8], vec![1e-3, 1e-5, 1e-7, 1e-9, 1e-11], vec![1e-3, 1e-5, 1e-7, 1e-9, 1e-11])
-    {
+    for tolerance in profile.pick(vec![1e-4, 1e-8], vec![1e-3, 1e-5, 1e-7, 1e-11], vec![1e-3, 1e-5, 1e-7, 1e-11]) {
         all.push(Method::Analytic { tolerance, samples: 64 });
     }
     for power in profile.pick(4..=6, 4..=12, 4..=14) {
@@ -120,7 +118,8 @@ impl Experiment for FormFactorErrors {
 
     fn plots(&self, tables: &Tables) -> Vec<Figure> {
         let panels = group_by(tables.rows(), "scene").into_iter().map(|(scene, rows)| {
-            let series = group_by(rows, "method").into_iter().map(|(method, rows)| {
+            let series = group_by(rows, "method").into_iter().map(|(method, mut rows)| {
+                rows.sort_by(|a, b| b.number("error").total_cmp(&a.number("error")));
                 Series::new(&*method, &*method).rows(rows, |r| (r.seconds("time"), r.number("error")))
             });
             Panel::new(Axis::log("time", "s"), Axis::log("error of form factors", "relative rms"))

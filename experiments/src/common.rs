@@ -36,7 +36,7 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
 pub fn fineness(profile: Profile) -> Fineness {
     profile.pick(
         Fineness { elements: 8, patches: 4, rays: 128, segments: 64 },
-        Fineness { elements: 24, patches: 12, rays: 1024, segments: 256 },
+        Fineness { elements: 16, patches: 8, rays: 2048, segments: 256 },
         Fineness { elements: 48, patches: 12, rays: 4096, segments: 1024 },
     )
 }

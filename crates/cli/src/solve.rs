@@ -58,6 +58,7 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
             strategy.shape = Shape::TwoLevel;
         }
     }
+    strategy.check()?;
     if args.common.dry_run {
         let (object, line) = prediction(&geometry, &strategy);
         output::print(&args.common, &object, &[line]);

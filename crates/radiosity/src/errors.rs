@@ -145,10 +145,12 @@ impl GridValues {
         }
         let weight = bands as f64 * self.areas.iter().sum::<f64>();
         let biases = per_surface.iter().enumerate().filter(|(_, (_, weight))| *weight > 0.0);
-        let biases = biases.map(|(s, (sum, weight))| SurfaceBias { surface: s as u32, bias: sum / weight / level });
+        // No difference is no error, also in the dark.
+        let relative = |difference: f64| if difference == 0.0 { 0.0 } else { difference / level };
+        let biases = biases.map(|(s, (sum, weight))| SurfaceBias { surface: s as u32, bias: relative(sum / weight) });
         ErrorMeasure {
-            rms: (square / weight).sqrt() / level,
-            worst: worst / level,
+            rms: relative((square / weight).sqrt()),
+            worst: relative(worst),
             worst_cell,
             level,
             biases: biases.collect(),
@@ -178,5 +180,11 @@ mod tests {
         assert!((error.worst - 0.2).abs() < 1e-15 && error.worst_cell == 2);
         let biases: Vec<f64> = error.biases.iter().map(|b| b.bias).collect();
         assert!((biases[0] - 0.05).abs() < 1e-15 && (biases[1] + 0.2).abs() < 1e-15);
+    }
+
+    #[test]
+    fn two_dark_grids_do_not_differ() {
+        let error = grid(&[0.0; 3]).error(&grid(&[0.0; 3]));
+        assert_eq!((error.rms, error.worst, error.biases[1].bias), (0.0, 0.0, 0.0));
     }
 }

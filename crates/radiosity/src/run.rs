@@ -87,12 +87,38 @@ impl Run<'_> {
     }
 }
 
+impl Strategy {
+    /// Whether the solver can take this strategy's form and form factors: told before any of them is computed.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] if there is no such solver, it does not read the form, or it needs symmetric form factors and the
+    /// method gives none.
+    pub fn check(&self) -> Result<(), RunError> {
+        let solver = named(&self.solver)?;
+        let (name, needs) = (solver.name(), solver.needs());
+        let form = match self.shape {
+            Shape::Full | Shape::TwoLevel => Form::Full,
+            Shape::ElementsToPatches => Form::ElementsToPatches,
+            Shape::PatchesToElements => Form::PatchesToElements,
+        };
+        if !needs.forms.contains(&form) {
+            return Err(SolveError::NeedsForm { solver: name, form, works_on: needs.forms }.into());
+        }
+        if needs.symmetric && !matches!(self.method, Method::Analytic { .. }) {
+            return Err(SolveError::NeedsSymmetric { solver: name, store: self.store.name() }.into());
+        }
+        Ok(())
+    }
+}
+
 /// Solves `scene` by `strategy`.
 ///
 /// # Errors
 ///
 /// [`RunError`] if a setting is out of range, the solver cannot take the system or a store fails.
 pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Run<'a>, RunError> {
+    strategy.check()?;
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };

@@ -45,6 +45,8 @@ pub struct HistoryPoint {
     pub step: u64,
     /// Seconds in filling the store and solving so far.
     pub seconds: f64,
+    /// Seconds in the solver alone (with the rows it had computed, where they are computed on demand).
+    pub solver_seconds: f64,
     /// Counts of both so far.
     pub cost: Cost,
     /// rms against the exact solution of the same system.
@@ -124,6 +126,7 @@ impl<'a> Yardstick<'a> {
             points.push(HistoryPoint {
                 step: snapshot.at.step,
                 seconds: (run.form_factors.time + snapshot.at.time).as_secs_f64(),
+                solver_seconds: snapshot.at.time.as_secs_f64(),
                 cost: run.form_factors.cost + snapshot.at.cost,
                 solver_error: values.error(&exact).rms,
                 error: values.error(&self.truth).rms,
