@@ -111,7 +111,7 @@ impl Rows for RowWise {
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         let spent = self.enclosure.row(s, values)?;
         // Runs of targets in turn: what is hidden lies together, as behind a real blocker.
-        let hidden = |t: &usize| (s + t / 16) % self.one_in != 0;
+        let hidden = |t: &usize| !(s + t / 16).is_multiple_of(self.one_in);
         (0..values.len()).filter(hidden).for_each(|t| values[t] = 0.0);
         Ok(spent)
     }

@@ -33,23 +33,16 @@ fn methods(profile: Profile) -> Vec<(Method, Vec<u32>, Vec<u32>)> {
     let analytic = Method::Analytic { tolerance: 1e-8, samples: 256 };
     let rays = Method::RayCast { rays: 1024 };
     let hemicube = Method::Hemicube { resolution: 64 };
-    let few = vec![1, 2, 4];
+    let both = Method::RaysAndEmitters { rays: 1024 };
+    let few = || vec![1, 2, 4];
+    let many = profile.pick(few(), vec![1, 2, 4, 8, 16], vec![1, 2, 4, 8, 16, 24]);
+    let some = profile.pick(few(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]);
+    let exact = profile.pick(few(), vec![1, 2, 4, 8, 16], vec![1, 2, 4, 8, 16, 32]);
     vec![
-        (
-            analytic,
-            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
-            profile.pick(few.clone(), vec![1, 2, 4, 8, 16], vec![1, 2, 4, 8, 16, 32]),
-        ),
-        (
-            rays,
-            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16, 24]),
-            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
-        ),
-        (
-            hemicube,
-            profile.pick(few.clone(), vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
-            profile.pick(few, vec![1, 2, 4, 8], vec![1, 2, 4, 8, 16]),
-        ),
+        (analytic, some.clone(), exact),
+        (rays, some.clone(), some.clone()),
+        (both, many, Vec::new()),
+        (hemicube, some.clone(), some),
     ]
 }
 
@@ -79,7 +72,7 @@ impl Experiment for Patches {
         let truth = cornell_truth(context, &scene)?;
         let reference_error = truth.error;
         let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
-        let most_pairs = profile.pick(1 << 18, 1 << 20, 16 << 20);
+        let most_pairs = profile.pick(1 << 14, 1 << 20, 16 << 20);
         let mut yardstick = Yardstick::new(&scene, truth.grid, GRID, best, most_pairs);
         for (method, sizes, _) in &methods {
             for &k in sizes {
@@ -177,9 +170,10 @@ impl Experiment for Patches {
                 say("Cornell box", "analytic", "stored_bytes"),
             ),
             format!(
-                "On the Cornell box the finest runs reach {} (analytic), {} (rays) and {} (hemicubes).",
+                "On the Cornell box the finest runs reach {} (analytic), {} (rays), {} (rays with exact emitters) and {} (hemicubes).",
                 finest("analytic"),
                 finest("ray-cast"),
+                finest("rays+emitters"),
                 finest("hemicube")
             ),
         ]

@@ -41,7 +41,7 @@ fn cases(profile: Profile) -> Result<Vec<Case>, Box<dyn Error>> {
         Case {
             name: "Cornell box",
             scene: cornell()?,
-            method: Method::Hemicube { resolution: profile.pick(16, 64, 128) },
+            method: Method::Hemicube { resolution: profile.pick(16, 32, 64) },
             best: exact,
         },
         Case { name: "empty room", scene: room, method: Method::Analytic { tolerance: 1e-6, samples: 1 }, best: exact },
@@ -108,7 +108,7 @@ impl Experiment for Substructuring {
                 pairs_truth(&case.scene, profile.pick(8, 16, 32))?
             };
             let reference_error = truth.error;
-            let most_pairs = profile.pick(1 << 16, 1 << 19, 4 << 20);
+            let most_pairs = profile.pick(1 << 14, 1 << 17, 1 << 20);
             let mut yardstick = Yardstick::new(&case.scene, truth.grid, GRID, case.best, most_pairs);
             for (series, meshes) in [("n varied", &varied_n), ("m varied", &varied_m)] {
                 for &(elements, patches) in meshes {

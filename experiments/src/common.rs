@@ -126,7 +126,7 @@ pub fn described(key: String, strategy: &Strategy) -> Record {
 pub fn setting(method: Method) -> u32 {
     match method {
         Method::Analytic { samples, .. } => samples,
-        Method::RayCast { rays } => rays,
+        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => rays,
         Method::Hemicube { resolution } => resolution,
     }
 }

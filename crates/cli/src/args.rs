@@ -102,6 +102,9 @@ pub enum MethodName {
     Analytic,
     /// Rays over the hemisphere.
     RayCast,
+    /// Rays over the hemisphere, with exact totals towards the emitters.
+    #[value(name = "rays+emitters")]
+    RaysAndEmitters,
     /// Item buffers on a half cube.
     Hemicube,
 }
@@ -129,6 +132,7 @@ impl Estimator {
         let named = self.method.map(|name| match name {
             MethodName::Analytic => Method::ANALYTIC,
             MethodName::RayCast => Method::RAY_CAST,
+            MethodName::RaysAndEmitters => Method::RAYS_AND_EMITTERS,
             MethodName::Hemicube => Method::HEMICUBE,
         });
         // A setting of one estimator asks for it.
@@ -138,6 +142,7 @@ impl Estimator {
                 Method::Analytic { tolerance, samples: self.samples.unwrap_or(samples) }
             }
             Method::RayCast { rays } => Method::RayCast { rays: self.rays.unwrap_or(rays) },
+            Method::RaysAndEmitters { rays } => Method::RaysAndEmitters { rays: self.rays.unwrap_or(rays) },
             Method::Hemicube { resolution } => Method::Hemicube { resolution: self.resolution.unwrap_or(resolution) },
         }
     }

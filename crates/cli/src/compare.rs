@@ -19,6 +19,8 @@ struct Compared<'a> {
 
 /// Cells of the report grid along an edge of a face.
 const GRID: u32 = 8;
+/// The estimators compared.
+const METHODS: [Method; 4] = [Method::ANALYTIC, Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
 /// Pairs of a mesh up to which the best form factors are taken as a whole.
 const MOST_PAIRS: u64 = 4 << 20;
 
@@ -26,7 +28,7 @@ const MOST_PAIRS: u64 = 4 << 20;
 /// recomputed store of the row-wise ones.
 fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
     let mut all = Vec::new();
-    for method in [Method::ANALYTIC, Method::RAY_CAST, Method::HEMICUBE] {
+    for method in METHODS {
         for store in Store::ALL {
             for solver in radiosity_solvers::NAMES {
                 let pairwise = matches!(method, Method::Analytic { .. });
@@ -60,7 +62,7 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let fine = Strategy::new(Subdivision::Uniform(2 * args.subdivide), Method::ANALYTIC);
     let geometry = Geometry::new(scene, &fine.mesh)?;
     let reference_method = match default_method(geometry.elements().len(), geometry.blockers().len()) {
-        Method::RayCast { .. } => Method::RayCast { rays: 8192 },
+        Method::RaysAndEmitters { .. } => Method::RaysAndEmitters { rays: 8192 },
         method => method,
     };
     drop(geometry);
@@ -147,7 +149,7 @@ fn compared_json(compared: &Compared<'_>) -> Value {
 
 /// Error against time inside every run on the dense and the recomputed store, one panel an estimator.
 fn figure(compared: &[Compared<'_>]) -> Figure {
-    let panels = [Method::ANALYTIC, Method::RAY_CAST, Method::HEMICUBE].map(|method| {
+    let panels = METHODS.map(|method| {
         let shown = compared.iter().filter(|c| {
             c.strategy.method.name() == method.name() && matches!(c.strategy.store, Store::Dense | Store::KeepNone)
         });

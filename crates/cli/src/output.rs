@@ -41,7 +41,7 @@ pub fn method(method: Method) -> Value {
         Method::Analytic { tolerance, samples } => {
             json!({ "name": method.name(), "tolerance": tolerance, "samples": samples })
         }
-        Method::RayCast { rays } => json!({ "name": method.name(), "rays": rays }),
+        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => json!({ "name": method.name(), "rays": rays }),
         Method::Hemicube { resolution } => json!({ "name": method.name(), "resolution": resolution }),
     }
 }

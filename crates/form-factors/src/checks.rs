@@ -47,6 +47,10 @@ pub fn check(
     let mut above: Vec<Vec<(u32, f64)>> = vec![Vec::new(); if sources == targets { targets } else { 0 }];
     let mut buf = RowBuf::default();
     for (s, &area) in source_areas.iter().enumerate() {
+        // A face without an area sends and receives nothing.
+        if area == 0.0 {
+            continue;
+        }
         let row = store.row(s, 0, &mut buf)?.entries;
         let sum = row.sum() / area;
         if checks.largest_row_sum.is_none_or(|(_, largest)| sum > largest) {
@@ -63,7 +67,7 @@ pub fn check(
         if sources == targets {
             let mut worse = |t: usize, difference: f64| {
                 let relative = difference.abs() / area.min(target_areas[t]);
-                if checks.reciprocity.is_none_or(|(.., worst)| relative > worst) {
+                if target_areas[t] > 0.0 && checks.reciprocity.is_none_or(|(.., worst)| relative > worst) {
                     checks.reciprocity = Some((t, s, relative));
                 }
             };
@@ -150,6 +154,14 @@ mod tests {
         let table = Table(vec![vec![0.0, 0.0, 0.75], vec![0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0]]);
         let checks = check(&table, &[1.0; 3], &[1.0; 3], false).unwrap();
         assert_eq!((checks.reciprocity, checks.closure), (Some((0, 2, 0.75)), None));
+    }
+
+    #[test]
+    fn a_row_without_an_area_is_no_violation() {
+        let table = Table(vec![vec![0.0; 3], vec![0.0, 0.0, 0.5], vec![0.0, 0.5, 0.0]]);
+        let checks = check(&table, &[0.0, 1.0, 2.0], &[0.0, 1.0, 2.0], true).unwrap();
+        assert_eq!((checks.reciprocity, checks.largest_row_sum), (Some((1, 2, 0.0)), Some((1, 0.5))));
+        assert_eq!(checks.closure, Some((2, -0.75)));
     }
 
     #[test]

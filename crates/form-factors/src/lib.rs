@@ -6,6 +6,7 @@
 
 pub mod analytic;
 pub mod checks;
+pub mod emitters;
 pub mod hemicube;
 pub mod ray_cast;
 mod row_wise;

@@ -55,6 +55,7 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 4] = [
         ("analytic", [0x00, 0x44, 0x88], Marker::Circle),
         ("ray-cast", [0xbb, 0x55, 0x66], Marker::Square),
         ("hemicube", [0xdd, 0xaa, 0x33], Marker::Triangle),
+        ("rays+emitters", [0x66, 0xcc, 0xee], Marker::Wedge),
         ("stochastic", [0x44, 0xaa, 0x99], Marker::Diamond),
         ("hierarchical", [0x88, 0x22, 0x55], Marker::Star),
     ],

@@ -2,8 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use radiosity_core::{Cost, Form, FormFactors};
+use radiosity_core::{Cost, Form, FormFactors, StoreError};
 use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
@@ -43,7 +44,67 @@ pub fn rows<'a>(
         Form::Full | Form::PatchesToElements => Receivers::facets(elements),
     };
     let hits = || geometry.element_occluders();
+    if let Method::RaysAndEmitters { rays } = method {
+        let rays = RayCast::new(sources, receivers, hits(), rays, seed);
+        let pairs = EmitterPairs::new(geometry, sources, seed);
+        let emitters = emitters(geometry, form, targets);
+        return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
+    }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
+}
+
+/// Pairs from sources to whole emitting surfaces, which it owns.
+struct EmitterPairs<'a> {
+    sources: &'a Facets,
+    emitters: Facets,
+    analytic: Analytic<'a>,
+    seed: u64,
+}
+
+impl<'a> EmitterPairs<'a> {
+    fn new(geometry: &'a Geometry<'_>, sources: &'a Facets, seed: u64) -> Self {
+        let blockers = geometry.blockers();
+        let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers));
+        Self { sources, emitters: geometry.emitters().0, analytic, seed }
+    }
+}
+
+impl Rows for EmitterPairs<'_> {
+    fn name(&self) -> &'static str {
+        "analytic"
+    }
+
+    fn sources(&self) -> usize {
+        self.sources.len()
+    }
+
+    fn targets(&self) -> usize {
+        self.emitters.len()
+    }
+
+    fn symmetric(&self) -> bool {
+        false
+    }
+
+    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        // A light is small against the errors that rays leave elsewhere: 1e-8 is exact.
+        PairwiseRows::new(&self.analytic, self.sources, &self.emitters, 1e-8, self.seed).row(s, values)
+    }
+}
+
+/// The targets that each emitting surface is made of.
+fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {
+    // The surface of a patch is that of its elements.
+    let mut surface_of = vec![0; targets.len()];
+    for (e, surface) in geometry.surfaces().into_iter().enumerate() {
+        let target = if form == Form::ElementsToPatches { geometry.parent()[e] as usize } else { e };
+        surface_of[target] = surface;
+    }
+    let members = |surface: u32| {
+        let of_surface = (0..targets.len()).filter(|&t| surface_of[t] == surface);
+        Emitter { targets: of_surface.map(|t| (t as u32, targets.area(t))).collect() }
+    };
+    geometry.emitters().1.into_iter().map(members).collect()
 }
 
 /// Form factors between cells, each a list of polygons: rows of a matrix file. `elements` are single polygons, `cell`
@@ -63,7 +124,7 @@ pub fn cell_form_factors(
     let clock = Instant::now();
     let receivers = Receivers::grouped(elements, cell, cells.len());
     let element_occluders = match method {
-        Method::RayCast { .. } => Some(Occluders::of_facets(elements)),
+        Method::RayCast { .. } | Method::RaysAndEmitters { .. } => Some(Occluders::of_facets(elements)),
         _ => None,
     };
     let hits = || element_occluders.as_ref().expect("built for the one method that asks");
@@ -86,7 +147,10 @@ fn build<'a>(
             let estimator = Analytic::new((!blockers.is_empty()).then_some(blockers)).samples(samples);
             Box::new(PairwiseRows::new(estimator, sources, targets, tolerance, seed))
         }
-        Method::RayCast { rays } => Box::new(RayCast::new(sources, receivers, hits(), rays, seed)),
+        // Between cells there is no emission: plain rays.
+        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => {
+            Box::new(RayCast::new(sources, receivers, hits(), rays, seed))
+        }
         Method::Hemicube { resolution } => Box::new(Hemicube::new(sources, receivers, resolution, seed)?),
     })
 }

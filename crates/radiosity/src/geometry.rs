@@ -86,11 +86,27 @@ impl<'a> Geometry<'a> {
         &self.blockers
     }
 
-    /// All mesh elements as blockers and receivers of rays; built when first needed.
-    ///
-    /// Owners are exposed elements, or [`u32::MAX`] for covered ones.
+    /// The exposed elements as blockers and receivers of rays, owners numbered like them; built when first needed.
     pub fn element_occluders(&self) -> &Occluders {
         self.element_occluders.get_or_init(|| Occluders::of_facets(&self.elements))
+    }
+
+    /// Surfaces that emit, each as one facet, with the index of each surface.
+    pub fn emitters(&self) -> (Facets, Vec<u32>) {
+        let (mut facets, mut indices) = (Facets::new(), Vec::new());
+        for (s, surface) in self.scene.surfaces.iter().enumerate() {
+            let emits = self.scene.materials[surface.material].emission.iter().any(|&e| e > 0.0);
+            if emits && !surface.pieces.is_empty() {
+                facets.push(surface.pieces.clone(), false);
+                indices.push(s as u32);
+            }
+        }
+        (facets, indices)
+    }
+
+    /// Surface of every exposed element.
+    pub fn surfaces(&self) -> Vec<u32> {
+        self.exposed.iter().map(|&e| self.mesh.elements[e as usize].surface).collect()
     }
 
     /// Emission E of the exposed elements.

@@ -40,7 +40,10 @@ pub fn predict(geometry: &Geometry<'_>, strategy: &Strategy) -> Prediction {
         source_evaluations: sources,
         // A symmetric store asks for each unordered pair once.
         form_factors: if pairwise && strategy.shape == Shape::Full { m * (m - 1) / 2 } else { sources * targets },
-        rays: if let Method::RayCast { rays } = strategy.method { sources * u64::from(rays) } else { 0 },
+        rays: match strategy.method {
+            Method::RayCast { rays } | Method::RaysAndEmitters { rays } => sources * u64::from(rays),
+            _ => 0,
+        },
         hemicube_pixels: match strategy.method {
             Method::Hemicube { resolution } => sources * 3 * u64::from(resolution).pow(2),
             _ => 0,

@@ -17,6 +17,11 @@ pub enum Method {
         /// Rays a source.
         rays: u32,
     },
+    /// Row-wise by `rays` rays a source, with exact totals towards every emitting surface.
+    RaysAndEmitters {
+        /// Rays a source.
+        rays: u32,
+    },
     /// Row-wise by hemicubes of `resolution` pixels along the top.
     Hemicube {
         /// Pixels along an edge of the top face.
@@ -29,6 +34,8 @@ impl Method {
     pub const ANALYTIC: Self = Self::Analytic { tolerance: 1e-10, samples: 256 };
     /// Rays with their default number.
     pub const RAY_CAST: Self = Self::RayCast { rays: 1024 };
+    /// Rays and exact emitters with the default number of rays.
+    pub const RAYS_AND_EMITTERS: Self = Self::RaysAndEmitters { rays: 1024 };
     /// Hemicubes with their default resolution.
     pub const HEMICUBE: Self = Self::Hemicube { resolution: 128 };
 
@@ -37,6 +44,7 @@ impl Method {
         match self {
             Self::Analytic { .. } => "analytic",
             Self::RayCast { .. } => "ray-cast",
+            Self::RaysAndEmitters { .. } => "rays+emitters",
             Self::Hemicube { .. } => "hemicube",
         }
     }
@@ -136,12 +144,12 @@ impl Strategy {
     }
 }
 
-/// The estimator to take when none is asked for: exact pairs while there are few, or nothing blocks; rays beyond.
+/// The estimator to take when none is asked for: exact pairs while there are few, or nothing blocks; rays with exact emitters beyond.
 ///
 /// `pieces` is the number of polygons that may block, `elements` the number of elements.
 pub fn default_method(elements: usize, blocking: usize) -> Method {
     // A partly blocked pair costs tens of microseconds, and every blocker must be looked at for every pair.
     let pairs = elements as f64 * elements as f64 / 2.0;
     let limit = if blocking == 0 { 5e7 } else { 2e8 / blocking as f64 };
-    if pairs <= limit { Method::ANALYTIC } else { Method::RAY_CAST }
+    if pairs <= limit { Method::ANALYTIC } else { Method::RAYS_AND_EMITTERS }
 }

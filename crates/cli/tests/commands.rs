@@ -1,0 +1,227 @@
+//! What the commands give on input that is right.
+
+mod common;
+
+use std::f64::consts::PI;
+
+use common::{Folder, Ran, SQUARES, SQUARES_MTL};
+use serde_json::Value;
+
+fn squares(test: &str) -> Folder {
+    let folder = Folder::new(test);
+    folder.write("squares.obj", SQUARES);
+    folder.write("squares.mtl", SQUARES_MTL);
+    folder
+}
+
+fn done(ran: &Ran) {
+    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+}
+
+fn numbers(text: &str) -> Vec<Vec<f64>> {
+    text.lines().map(|line| line.split(',').map(|word| word.parse().unwrap()).collect()).collect()
+}
+
+fn table(text: &str) -> (String, Vec<Vec<f64>>) {
+    let (header, rest) = text.split_once('\n').unwrap();
+    (header.to_owned(), numbers(rest))
+}
+
+const COLUMNS: &str = "surface,i,j,x,y,z,area,E_r,E_g,E_b,H_r,H_g,H_b,B_r,B_g,B_b";
+/// Opposed unit squares at distance 1.
+const OPPOSED: f64 = 0.199_824_895_698_387_38;
+
+#[test]
+fn form_factors_are_a_matrix_without_header_row_from() {
+    let folder = squares("form_factors");
+    done(&folder.run("form-factors squares.obj --quiet --output F.csv"));
+    let f = numbers(&folder.read("F.csv"));
+    assert_eq!((f.len(), f[0].len()), (2, 2));
+    assert_eq!((f[0][0], f[1][1]), (0.0, 0.0));
+    assert!((f[0][1] - OPPOSED).abs() < 1e-9 && (f[1][0] - OPPOSED).abs() < 1e-9);
+}
+
+/// Rows of the cells of face 0 come first; the mean of their sums is F of the face.
+#[test]
+fn subdivided_form_factors_sum_to_those_of_the_faces() {
+    let folder = squares("form_factors_subdivided");
+    for method in ["analytic", "ray-cast --rays 4096", "hemicube --resolution 256"] {
+        done(&folder.run(&format!("form-factors squares.obj --subdivide 3 --method {method} --quiet --output F.csv")));
+        let f = numbers(&folder.read("F.csv"));
+        assert_eq!((f.len(), f[0].len()), (18, 18), "{method}");
+        let sum: f64 = f[..9].iter().flat_map(|row| &row[9..]).sum::<f64>() / 9.0;
+        // 9 · 4096 rays: σ below 2e-3; the centre of a cell of 1/3 for the cell: 1 % of F.
+        let allowed = if method == "analytic" { 1e-9 } else { 4e-3 };
+        assert!((sum - OPPOSED).abs() < allowed, "{method}: {sum}");
+    }
+}
+
+#[test]
+fn json_is_one_object_with_counts_and_checks() {
+    let folder = squares("json");
+    let ran = folder.run("form-factors squares.obj --json --output F.csv");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!((object["cells"].as_u64(), object["closed"].as_bool()), (Some(2), Some(false)));
+    assert_eq!(object["form_factors"]["counts"]["form_factors"].as_u64(), Some(1));
+    let largest = object["checks"]["largest_row_sum"]["row_sum"].as_f64().unwrap();
+    assert!((largest - OPPOSED).abs() < 1e-9);
+
+    let ran = folder.run("solve squares.obj --subdivide 2 --json");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!((object["elements"].as_u64(), object["outcome"].as_str()), (Some(8), Some("converged")));
+    // Σ A E = π Ke on a lamp of area 1.
+    let emitted: Vec<f64> =
+        object["power"]["emitted"].as_array().unwrap().iter().map(|e| e.as_f64().unwrap()).collect();
+    assert!(emitted.iter().zip([2.0, 3.0, 4.0]).all(|(e, ke)| (e - PI * ke).abs() < 1e-12));
+
+    let ran = folder.run("inspect squares.obj --json");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!((object["faces"].as_u64(), object["area"].as_f64()), (Some(2), Some(2.0)));
+}
+
+/// The lamp reflects nothing, so H of a floor cell is π Ke times its form factor and the lamp sees nothing else; the mean
+/// over the floor is π Ke F, and B = ρ H.
+#[test]
+fn solve_writes_a_line_an_element_with_the_columns_of_the_contract() {
+    let folder = squares("solve");
+    done(&folder.run("solve squares.obj --subdivide 3 --quiet --output out.csv"));
+    let (header, rows) = table(&folder.read("out.csv"));
+    assert_eq!((header.as_str(), rows.len()), (COLUMNS, 18));
+    let floor: Vec<&Vec<f64>> = rows.iter().filter(|row| row[0] == 0.0).collect();
+    assert_eq!(floor.len(), 9);
+    for (band, (ke, rho)) in [(2.0, 0.5), (3.0, 0.4), (4.0, 0.3)].into_iter().enumerate() {
+        let mean = floor.iter().map(|row| row[10 + band]).sum::<f64>() / 9.0;
+        assert!((mean - PI * ke * OPPOSED).abs() < 1e-8, "band {band}: {mean}");
+        assert!(floor.iter().all(|row| (row[13 + band] - rho * row[10 + band]).abs() < 1e-12));
+    }
+    // Cell (i, j): i along the first edge (x), j along the last (y).
+    let cell = floor.iter().find(|row| (row[1], row[2]) == (2.0, 0.0)).unwrap();
+    assert!((cell[3] - 5.0 / 6.0).abs() < 1e-12 && (cell[4] - 1.0 / 6.0).abs() < 1e-12);
+    assert!((cell[6] - 1.0 / 9.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_report_grid_has_its_own_lines_whatever_the_mesh() {
+    let folder = squares("report_grid");
+    for subdivide in [1, 2, 5] {
+        done(&folder.run(&format!("solve squares.obj --subdivide {subdivide} --report-grid 4 --quiet --output g.csv")));
+        let (header, rows) = table(&folder.read("g.csv"));
+        assert_eq!((header.as_str(), rows.len()), (COLUMNS, 32));
+        // Area means: their own mean is that of the elements, π Ke F whatever the mesh.
+        let mean = rows.iter().filter(|row| row[0] == 0.0).map(|row| row[10]).sum::<f64>() / 16.0;
+        assert!((mean - PI * 2.0 * OPPOSED).abs() < 1e-8, "--subdivide {subdivide}: {mean}");
+    }
+}
+
+#[test]
+fn every_solver_and_method_writes_the_same_solution() {
+    let folder = squares("solvers");
+    for solver in ["direct", "jacobi", "gauss-seidel", "cg", "shooting"] {
+        for patches in ["", "--patch-subdivide 2"] {
+            let options = format!("--subdivide 4 {patches} --solver {solver} --unshot 1e-12 --method analytic");
+            done(&folder.run(&format!("solve squares.obj {options} --quiet --output {solver}.csv")));
+            let (_, rows) = table(&folder.read(&format!("{solver}.csv")));
+            let mean = rows.iter().filter(|row| row[0] == 0.0).map(|row| row[10]).sum::<f64>() / 16.0;
+            assert!((mean - PI * 2.0 * OPPOSED).abs() < 1e-8, "{options}: {mean}");
+        }
+    }
+}
+
+#[test]
+fn threads_and_repeats_give_the_same_file() {
+    let folder = squares("threads");
+    for method in ["analytic", "ray-cast", "rays+emitters", "hemicube"] {
+        let solve = |threads: u32| {
+            let options = format!("--subdivide 4 --method {method} --threads {threads} --seed 7");
+            done(&folder.run(&format!("solve squares.obj {options} --quiet --output out.csv")));
+            folder.read("out.csv")
+        };
+        let one = solve(1);
+        assert!(solve(1) == one && solve(2) == one && solve(8) == one, "{method}");
+    }
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let folder = squares("dry_run");
+    let before = folder.files();
+    for command in [
+        "form-factors squares.obj --output F.csv",
+        "solve squares.obj --output out.csv",
+        "compare squares.obj --output comparison",
+        "inspect squares.obj",
+    ] {
+        let ran = folder.run(&format!("{command} --dry-run"));
+        done(&ran);
+        assert!(!ran.stdout.is_empty(), "{command} says what it would do");
+    }
+    assert_eq!(folder.files(), before);
+}
+
+#[test]
+fn quiet_prints_nothing() {
+    let folder = squares("quiet");
+    for command in
+        ["form-factors squares.obj --output F.mtx", "solve squares.obj --output o.ply", "inspect squares.obj"]
+    {
+        let ran = folder.run(&format!("{command} --quiet"));
+        done(&ran);
+        assert_eq!(ran.stdout, "", "{command}");
+    }
+    assert_eq!(folder.files(), ["F.mtx", "o.ply", "squares.mtl", "squares.obj"]);
+}
+
+#[test]
+fn refinement_stops_at_its_tolerance_and_says_so() {
+    let folder = squares("tolerance");
+    let ran = folder.run("solve squares.obj --tolerance 0.02 --json");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let steps = object["refinement"]["steps"].as_array().unwrap();
+    let last = steps.last().unwrap()["difference"]["rms"].as_f64().unwrap();
+    assert!(object["refinement"]["met"].as_bool().unwrap() && last <= 0.02 && steps.len() > 1, "{object}");
+}
+
+/// A scene without light has the answer 0 and no error.
+#[test]
+fn a_dark_scene_is_solved() {
+    let folder = squares("dark");
+    folder.write("squares.mtl", "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKd 0 0 0\n");
+    let ran = folder.run("solve squares.obj --tolerance 0.1 --json --output out.csv");
+    done(&ran);
+    let (_, rows) = table(&folder.read("out.csv"));
+    assert!(rows.iter().all(|row| row[7..].iter().all(|&v| v == 0.0)));
+}
+
+/// A face without an area keeps its row and column, which are 0, and spoils no check.
+#[test]
+fn a_face_without_area_is_a_row_of_zeros() {
+    let folder = squares("zero_area");
+    folder.write("squares.obj", &format!("{SQUARES}v 2 0 0\nv 3 0 0\nv 4 0 0\nf 9 10 11\n"));
+    let ran = folder.run("form-factors squares.obj --json --output F.csv");
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let f = numbers(&folder.read("F.csv"));
+    assert_eq!((f.len(), &f[2][..]), (3, &[0.0; 3][..]));
+    assert!(f.iter().all(|row| row[2] == 0.0) && (f[0][1] - OPPOSED).abs() < 1e-9);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(object["checks"]["reciprocity"]["error"].as_f64(), Some(0.0));
+    assert!((object["checks"]["largest_row_sum"]["row_sum"].as_f64().unwrap() - OPPOSED).abs() < 1e-9);
+}
+
+#[test]
+fn compare_measures_every_strategy_and_writes_table_and_plot() {
+    let folder = squares("compare");
+    let ran = folder.run("compare squares.obj --subdivide 1 --json --output comparison");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let strategies = object["strategies"].as_array().unwrap();
+    assert!(strategies.len() >= 10, "{}", strategies.len());
+    // cg on rows of rays stays in the table, with the reason.
+    assert!(strategies.iter().any(|s| s["not_run"].as_str().is_some_and(|why| why.contains("symmetric"))));
+    let csv = folder.read("comparison/comparison.csv");
+    assert_eq!(csv.lines().count(), strategies.len() + 1);
+    assert!(folder.read("comparison/comparison.svg").contains("<svg"));
+}
