@@ -151,6 +151,10 @@ fn execute_run(all: &[&dyn Experiment], chosen: &[&dyn Experiment], run: &Run, r
         resume: run.resume,
         progress: !run.no_progress,
     };
+    if !run.resume {
+        // References are kept so that experiments share them, not so that one outlives a change of what makes it.
+        let _ = std::fs::remove_dir_all(request.results.join(crate::REFERENCES));
+    }
     let mut code = 0;
     println!("{:18} {:>6} {:>14} {:>12}  state", "experiment", "runs", "not converged", "took");
     for experiment in chosen {

@@ -10,7 +10,7 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{ReadOptions, read_scene};
 use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
 
-use radiosity_experiments::{Context, Profile, Record};
+use radiosity_experiments::{Context, Profile, REFERENCES, Record};
 
 use crate::truth::{Fineness, Truth, truth};
 
@@ -44,7 +44,7 @@ pub fn fineness(profile: Profile) -> Fineness {
 /// The reference of the Cornell box, kept beside the results so that experiments share it.
 pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
     let fineness = fineness(context.profile());
-    let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join("truth");
+    let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     let Fineness { elements, patches, rays, segments } = fineness;
     let file = folder.join(format!("cornell-{elements}-{patches}-{rays}-{segments}.csv"));
     match read_truth(&file) {

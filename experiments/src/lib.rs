@@ -60,6 +60,9 @@
 //! assert_eq!(radiosity_experiments::cli::main(&[&Sums], list), std::process::ExitCode::SUCCESS);
 //! ```
 
+/// Folder beside the experiments' results where references that several of them need are kept during a run.
+pub const REFERENCES: &str = "truth";
+
 pub mod cli;
 mod experiment;
 pub mod golden;

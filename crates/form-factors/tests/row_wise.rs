@@ -154,3 +154,31 @@ fn odd_resolutions_are_refused() {
     let made = Hemicube::new(&facets, Receivers::facets(&facets), 31, 1);
     assert_eq!(made.err(), Some(HemicubeError::Resolution { resolution: 31 }));
 }
+
+/// The entry towards the light is that of the pair (both sums round to 1e-16 of the row), whatever the rays met.
+#[test]
+fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
+    use radiosity_form_factors::PairwiseRows;
+    use radiosity_form_factors::analytic::Analytic;
+    use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
+
+    let facets = room(DVec3::new(3.0, 4.0, 5.0), 3, turned);
+    let occluders = Occluders::of_facets(&facets);
+    let plain = || RayCast::new(&facets, Receivers::facets(&facets), &occluders, 64, 1);
+    // The light is two elements of one face, known as one surface.
+    let members = [9_usize, 10];
+    let mut light = Facets::new();
+    light.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()).collect(), false);
+    let analytic = Analytic::new(None);
+    let targets = members.map(|t| (t as u32, facets.area(t))).to_vec();
+    let pairs = PairwiseRows::new(&analytic, &facets, &light, 1e-10, 1);
+    let exact = ExactEmitters::new(plain(), pairs, vec![Emitter { targets }]);
+    let whole: Vec<f64> = rows(&pairs).into_iter().map(|row| row[0]).collect();
+    for (s, (exact, plain)) in rows(&exact).iter().zip(rows(&plain())).enumerate() {
+        let towards: f64 = members.iter().map(|&t| exact[t]).sum();
+        assert!((towards - whole[s]).abs() <= 1e-12 * facets.area(s), "source {s}");
+        let (sum, before): (f64, f64) = (exact.iter().sum(), plain.iter().sum());
+        assert!((sum - before).abs() <= 1e-12 * before, "source {s}: {sum} instead of {before}");
+        assert!(exact.iter().all(|&value| value >= 0.0));
+    }
+}

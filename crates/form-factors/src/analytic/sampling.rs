@@ -41,7 +41,7 @@ pub(super) fn visible_share(pair: &FacingPair, blocking: &Blocking<'_>, samples:
     let each = samples.div_ceil(REPLICATES as u32).clamp(1, MAX_POINTS).next_power_of_two();
     let mut sums = [(0.0, 0.0); REPLICATES]; // Σ k V and Σ k
     for (r, (visible, all)) in sums.iter_mut().enumerate() {
-        let scramble = (mix(seed.wrapping_add(r as u64)) >> 32) as u32;
+        let scramble = (mix(mix(seed) ^ r as u64) >> 32) as u32;
         for point in 0..each {
             // The middle of the sequence's 2⁻²⁴ wide cells: never on an edge.
             let [a, b, c, d] = sample_4d(point, 0, scramble).map(|u| f64::from(u) + 0.5_f64.powi(25));

@@ -20,9 +20,6 @@ pub struct DenseFormFactors {
     symmetric: bool,
 }
 
-/// Targets that one task of a scatter owns at least; below 16 such ranges rows are cut into pieces instead.
-const RANGE: usize = 64;
-
 impl DenseFormFactors {
     /// Computes and keeps all rows, in parallel over rows; of symmetric rows only the upper triangle, mirrored.
     ///
@@ -211,40 +208,8 @@ impl FormFactors for DenseFormFactors {
         Ok(Cost::applied(self.sources() * self.targets(), 8, x.count()))
     }
 
-    fn scatter(&self, x: Bands<'_>, mut y: BandsMut<'_>) -> Result<Cost, StoreError> {
-        if self.symmetric {
-            return self.gather(x, y);
-        }
-        let targets = self.targets();
-        assert_lengths("scatter", (self.sources(), targets), x, &y);
-        let range = targets.div_ceil(16);
-        if range < RANGE {
-            return scatter_by_rows(self, x, y);
-        }
-        // Each task owns a range of targets of one band group and adds the rows in order.
-        let lit: Vec<usize> = (0..self.sources()).filter(|&s| (0..x.count()).any(|b| x.band(b)[s] != 0.0)).collect();
-        let tables: Vec<Vec<f64>> = (0..targets.div_ceil(range))
-            .into_par_iter()
-            .map(|k| {
-                let part = k * range..((k + 1) * range).min(targets);
-                let mut sums = vec![0.0; part.len() * x.count()];
-                for &s in &lit {
-                    let row = &self.slice(s)[part.clone()];
-                    for (b, sums) in sums.chunks_exact_mut(row.len()).enumerate() {
-                        let x_s = x.band(b)[s];
-                        sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * x_s);
-                    }
-                }
-                sums
-            })
-            .collect();
-        for (k, sums) in tables.iter().enumerate() {
-            let part = k * range..((k + 1) * range).min(targets);
-            for (b, sums) in sums.chunks_exact(part.len()).enumerate() {
-                y.band(b)[part.clone()].copy_from_slice(sums);
-            }
-        }
-        Ok(Cost::applied(lit.len() * targets, 8, x.count()))
+    fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
+        if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
     }
 }
 
