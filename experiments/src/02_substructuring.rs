@@ -148,7 +148,7 @@ impl Experiment for Substructuring {
         let error = ("error", "error", "share of the mean");
         vec![
             Figure::new("cost", "Form factors and time, by analytic pairs")
-                .caption("Form factors are exact counts; slopes are fitted. Full stands at n = m.")
+                .caption("Form factors are exact counts; slopes are fitted. Full stands at n = m. Gathering and two-level count alike and cover each other.")
                 .panel(panel(room, "n varied", n, ("form_factors", "form factors", ""), true))
                 .panel(panel(room, "m varied", m, ("form_factors", "form factors", ""), true))
                 .panel(panel(room, "m varied", m, ("time", "time", "s"), true)),
@@ -158,7 +158,7 @@ impl Experiment for Substructuring {
                 .panel(panel(cornell, "n varied", n, ("time", "time", "s"), false))
                 .panel(panel(cornell, "n varied", n, ("stored_bytes", "memory of form factors", "bytes"), false)),
             Figure::new("error", "Error against patches")
-                .caption("rms of irradiance over 8 × 8 cells a face, m fixed and n varied.")
+                .caption("rms of irradiance over 8 × 8 cells a face, m fixed and n varied. Gathering and two-level solve one system and cover each other.")
                 .panel(panel(cornell, "n varied", n, error, false))
                 .panel(panel(room, "n varied", n, error, false)),
             Figure::new("error-time", "Error against time")

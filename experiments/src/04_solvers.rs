@@ -14,7 +14,7 @@ use radiosity::{Method, Store, Strategy, Yardstick};
 use radiosity_experiments::{Context, Experiment, Profile, Record, SeriesOfRows, Tables, group_by};
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_plot::numbers;
-use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
+use radiosity_plot::{Axis, Figure, Panel, Series};
 
 use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
 use crate::truth::{Fineness, truth};
@@ -24,6 +24,8 @@ pub struct Solvers;
 
 const METHOD: Method = Method::Analytic { tolerance: 1e-8, samples: 64 };
 const UNSHOT: f64 = 1e-8;
+/// Solver errors below this are drawn at it: what remains is rounding.
+const FLOOR: f64 = 1e-10;
 
 fn elements(profile: Profile) -> u32 {
     profile.pick(1, 2, 4)
@@ -82,9 +84,9 @@ impl Experiment for Solvers {
         for rho in reflectances {
             let scene = with_reflectance(&scene, rho / largest);
             let fineness = profile.pick(
-                Fineness { elements: 4, patches: 2, rays: 64, segments: 32 },
-                Fineness { elements: 8, patches: 4, rays: 512, segments: 128 },
-                Fineness { elements: 16, patches: 8, rays: 2048, segments: 256 },
+                Fineness { elements: 4, patches: 4, rays: 64, segments: 32 },
+                Fineness { elements: 8, patches: 8, rays: 512, segments: 128 },
+                Fineness { elements: 16, patches: 16, rays: 2048, segments: 256 },
             );
             let truth = truth(&scene, fineness, GRID)?;
             let reference_error = truth.error;
@@ -126,11 +128,11 @@ impl Experiment for Solvers {
             let panels = picked.map(|(rho, rows)| {
                 let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
                     Series::new(&*solver, &*solver).rows(rows, |r| {
-                        (if x.ends_with("time") { r.seconds(x) } else { r.number(x) }, r.number(y.0).max(1e-13))
+                        (if x.ends_with("time") { r.seconds(x) } else { r.number(x) }, r.number(y.0).max(FLOOR))
                     })
                 });
                 let level = Axis::log(y.1, "share of the mean");
-                let level = if y.0 == "solver_error" { level.limits(1e-10, 2.0) } else { level };
+                let level = if y.0 == "solver_error" { level.limits(FLOOR, 2.0) } else { level };
                 let axes = (Axis::log(label, unit), level);
                 Panel::new(axes.0, axes.1).title(format!("largest ρ = {rho}")).all_series(series)
             });
@@ -152,28 +154,22 @@ impl Experiment for Solvers {
         };
         let stores = {
             let rows = tables.select(|r| r.text("kind") == "run" && r.text("reflectance") == "0.9");
-            let dashes = [("dense", Dash::Solid), ("on-demand, recomputed", Dash::Dashed)];
-            let series = dashes.into_iter().flat_map(|(store, dash)| {
-                let rows: Vec<_> = rows.iter().copied().filter(|r| r.text("store") == store).collect();
-                group_by(rows, "solver")
-                    .into_iter()
-                    .map(move |(solver, rows)| {
-                        Series::new(format!("{solver}, {store}"), &*solver)
-                            .rows(rows, |r| (r.seconds("time"), r.number("form_factors")))
-                            .dash(dash)
-                            .scatter()
-                    })
-                    .collect::<Vec<_>>()
+            let bars = [("kept, dense", "dense"), ("recomputed", "on-demand, recomputed")].map(|(label, store)| {
+                let time = |solver: &str| {
+                    let run = rows.iter().find(|r| r.text("store") == store && r.text("solver") == solver);
+                    run.map_or(f64::NAN, |r| r.seconds("time"))
+                };
+                let heights = radiosity_solvers::NAMES.iter().enumerate().map(|(k, solver)| (k as f64, time(solver)));
+                Series::new(label, if store == "dense" { "dense" } else { "on-demand" }).values(heights)
             });
-            let series: Vec<_> = series.collect();
-            Panel::new(Axis::log("time", "s"), Axis::log("form factors computed", ""))
+            Panel::bars(radiosity_solvers::NAMES, Axis::linear("time", "s"))
                 .title("kept or recomputed, ρ = 0.9")
-                .all_series(series)
+                .all_series(bars)
         };
         let solver_error = ("solver_error", "solver error");
         vec![
             Figure::new("solver-error-time", "Solver error against time in the solver, dense store")
-                .caption("Without the time to fill the store, which is the same for all. Marks lie at geometric steps of one run.")
+                .caption("Without the time to fill the store, which is the same for all. Marks lie at geometric steps of one run; errors below 10⁻¹⁰ are drawn there.")
                 .panels(history("solve_time", "time in the solver", "s", "dense", solver_error))
                 .shared_y(),
             Figure::new("solver-error-entries", "Solver error against entries read, dense store")
@@ -189,7 +185,7 @@ impl Experiment for Solvers {
                 .panels(history("form_factors", "form factors computed", "", "on-demand, kept", ("error", "error")))
                 .shared_y(),
             Figure::new("reflectance", "Passes against reflectance, and form factors kept or recomputed")
-                .caption("Passes: entries read over m². Right: each mark is a whole run to η = 1e-8.")
+                .caption("Passes: entries read over m². Right: time of a whole run to η = 10⁻⁸, form factors included.")
                 .panel(sweeps)
                 .panel(stores),
         ]

@@ -35,9 +35,9 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
 /// How fine the reference of the Cornell box is.
 pub fn fineness(profile: Profile) -> Fineness {
     profile.pick(
-        Fineness { elements: 8, patches: 4, rays: 128, segments: 64 },
-        Fineness { elements: 16, patches: 8, rays: 2048, segments: 256 },
-        Fineness { elements: 48, patches: 12, rays: 4096, segments: 1024 },
+        Fineness { elements: 8, patches: 8, rays: 128, segments: 64 },
+        Fineness { elements: 16, patches: 16, rays: 1024, segments: 256 },
+        Fineness { elements: 48, patches: 24, rays: 4096, segments: 1024 },
     )
 }
 

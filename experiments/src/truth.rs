@@ -22,7 +22,8 @@ use radiosity_solvers::GaussSeidel;
 pub struct Fineness {
     /// Elements along an edge of a face.
     pub elements: u32,
-    /// Patches along an edge of a face; must divide the elements.
+    /// Patches along an edge of a face; must divide the elements. Where surfaces touch, coarse patches are what is wrong
+    /// with a fine mesh.
     pub patches: u32,
     /// Rays of every element for indirect light.
     pub rays: u32,
@@ -96,7 +97,8 @@ pub fn fine(scene: &Scene, fineness: Fineness, seed: u64) -> Result<Fine<'_>, Bo
 pub struct Truth {
     /// Irradiance over the cells.
     pub grid: GridValues,
-    /// rms difference from the reference of half the fineness and another seed, relative to the mean level.
+    /// rms difference from the reference of half the elements, patches and rays and another seed, relative to the mean
+    /// level: more than the error of this one.
     pub error: f64,
 }
 
@@ -109,7 +111,12 @@ pub fn truth(scene: &Scene, fineness: Fineness, cells: u32) -> Result<Truth, Box
     let finest = fine(scene, fineness, 1)?;
     let grid = GridValues::means(&finest.geometry, &finest.irradiance, cells)?;
     drop(finest);
-    let half = Fineness { elements: fineness.elements / 2, rays: fineness.rays / 2, ..fineness };
+    let half = Fineness {
+        elements: fineness.elements / 2,
+        patches: fineness.patches / 2,
+        rays: fineness.rays / 2,
+        ..fineness
+    };
     let half = fine(scene, half, 2)?;
     let error = GridValues::means(&half.geometry, &half.irradiance, cells)?.error(&grid).rms;
     Ok(Truth { grid, error })

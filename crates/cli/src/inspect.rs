@@ -66,7 +66,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             r.open_edges,
             r.turned_edges
         ),
-        format!("{} emitting faces; largest reflectance {}", emitters(scene), largest_reflectance(scene)),
+        format!("{} emitting faces; largest reflectance {:.4}", emitters(scene), largest_reflectance(scene)),
         format!(
             "defects: {} faces without area, {} concave, {} non-planar, {} duplicates ({} two-sided sheets), {} line elements",
             r.zero_area_dropped,

@@ -199,7 +199,7 @@ fn summary(strategy: &Strategy, run: &Run<'_>) -> Vec<String> {
             output::bytes(run.stored_bytes)
         ),
         format!(
-            "{} ({}): {} after {} steps in {:.3} s, unshot {:.1e}{}",
+            "{} ({}): {}, {} steps in {:.3} s, unshot {:.1e}{}",
             strategy.solver,
             strategy.shape.name(),
             s.outcome,

@@ -142,24 +142,6 @@ fn scale_rows(k: &mut [f64], sums: &[f64]) {
     }
 }
 
-impl Rows for &RandomEnclosure {
-    fn name(&self) -> &'static str {
-        (*self).name()
-    }
-    fn sources(&self) -> usize {
-        self.len()
-    }
-    fn targets(&self) -> usize {
-        self.len()
-    }
-    fn symmetric(&self) -> bool {
-        true
-    }
-    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        (*self).row(s, values)
-    }
-}
-
 impl Rows for RandomEnclosure {
     fn name(&self) -> &'static str {
         "random-enclosure"

@@ -1,5 +1,6 @@
 //! One choice at every seam: mesh, estimator, store, form and solver.
 
+use radiosity_core::Form;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 
 /// An estimator with its settings.
@@ -92,6 +93,15 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// What the rows of its store run between; the two-level form sums rows from elements to patches.
+    pub fn form(&self) -> Form {
+        match self {
+            Self::Full => Form::Full,
+            Self::ElementsToPatches | Self::TwoLevel => Form::ElementsToPatches,
+            Self::PatchesToElements => Form::PatchesToElements,
+        }
+    }
+
     /// The name used in tables and legends.
     pub fn name(&self) -> &'static str {
         match self {
