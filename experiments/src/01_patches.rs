@@ -20,7 +20,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 use radiosity_solvers::GaussSeidel;
 
-use crate::common::{GRID, cornell, cornell_truth, picture, picture_side, record, times};
+use crate::common::{GRID, cornell, cornell_truth, exponent, picture, picture_side, record, times};
 
 /// Points along an edge of a face where the exact scenes are compared.
 const POINTS: u32 = 128;
@@ -150,8 +150,7 @@ impl Experiment for Patches {
         let say = |scene: &str, method: &str, column: &str| {
             let rows = tables.select(|r| r.text("scene") == scene && r.text("method") == method);
             let large = rows.iter().filter(|r| r.number("elements") >= 50.0);
-            PowerLaw::through(large.map(|r| (r.number("elements"), value(r, column))))
-                .map_or_else(|| "(too few sizes)".to_owned(), |law| format!("({:.2} ± {:.2})", law.slope, law.interval))
+            exponent(PowerLaw::through(large.map(|r| (r.number("elements"), value(r, column)))))
         };
         let finest = |method: &str| {
             let rows = tables.select(|r| r.text("scene") == "Cornell box" && r.text("method") == method);

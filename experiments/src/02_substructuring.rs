@@ -19,7 +19,7 @@ use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
-use crate::common::{GRID, cornell, cornell_truth, record, times};
+use crate::common::{GRID, cornell, cornell_truth, exponent, record, times};
 use crate::truth::Truth;
 
 /// The experiment.
@@ -173,8 +173,7 @@ impl Experiment for Substructuring {
             let rows = tables.select(|r| {
                 r.text("scene") == "empty room" && r.text("series") == series && r.text("form") == "elements-to-patches"
             });
-            PowerLaw::through(rows.iter().map(|r| (r.number(x), value(r, y))))
-                .map_or_else(|| "(unknown)".to_owned(), |law| format!("({:.2} ± {:.2})", law.slope, law.interval))
+            exponent(PowerLaw::through(rows.iter().map(|r| (r.number(x), value(r, y)))))
         };
         let rows = |form: &str| {
             tables.select(|r| {

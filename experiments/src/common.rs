@@ -11,6 +11,7 @@ use radiosity_io::{ReadOptions, read_scene};
 use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
 
 use radiosity_experiments::{Context, Profile, REFERENCES, Record};
+use radiosity_plot::fit::PowerLaw;
 
 use crate::truth::{Fineness, Truth, truth};
 
@@ -190,4 +191,13 @@ pub fn picture(geometry: &radiosity::Geometry<'_>, radiosity: &BandValues, side:
 /// Side of a picture in pixels.
 pub fn picture_side(profile: Profile) -> u32 {
     profile.pick(48, 360, 480)
+}
+
+/// An exponent with its 95 % interval, as it stands behind `m^` in a sentence.
+pub fn exponent(law: Option<PowerLaw>) -> String {
+    match law {
+        Some(law) if law.interval.is_finite() => format!("({:.2} ± {:.2})", law.slope, law.interval),
+        Some(law) => format!("{:.2} (two sizes)", law.slope),
+        None => "? (too few sizes)".to_owned(),
+    }
 }
