@@ -164,14 +164,14 @@ impl Experiment for FormFactorErrors {
             .map(|(scene, rows)| {
                 let first = |method: &str| {
                     let reached = rows.iter().filter(|r| r.text("method") == method && r.number("error") <= 0.01);
-                    reached.map(|r| r.seconds("time")).min_by(f64::total_cmp).map_or_else(|| "not at all".to_owned(), numbers::seconds)
+                    reached.map(|r| r.seconds("time")).min_by(f64::total_cmp).map_or_else(|| "not at all".to_owned(), |time| format!("in {}", numbers::seconds(time)))
                 };
                 let best = |method: &str| {
                     let errors = rows.iter().filter(|r| r.text("method") == method).map(|r| r.number("error"));
                     numbers::significant(errors.fold(f64::INFINITY, f64::min), 2)
                 };
                 format!(
-                    "In the {scene}, 1 % is reached by the analytic estimator in {}, by rays in {}, by hemicubes in {}; their best \
+                    "In the {scene}, 1 % is reached by the analytic estimator {}, by rays {}, by hemicubes {}; their best \
                      errors here are {}, {} and {}.",
                     first("analytic"), first("ray-cast"), first("hemicube"), best("analytic"), best("ray-cast"), best("hemicube")
                 )
