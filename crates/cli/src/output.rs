@@ -1,5 +1,7 @@
 //! What commands print: one JSON object, or lines for people.
 
+use std::io::Write;
+
 use radiosity::{ErrorMeasure, Method, Phase};
 use radiosity_core::Cost;
 use radiosity_io::ImportReport;
@@ -9,11 +11,15 @@ use crate::args::Common;
 
 /// Prints `object` if JSON was asked for, else `lines` unless quiet.
 pub fn print(common: &Common, object: &Value, lines: &[String]) {
-    if common.json {
-        println!("{object}");
-    } else if !common.quiet {
-        lines.iter().for_each(|line| println!("{line}"));
-    }
+    let mut out = std::io::stdout().lock();
+    // A reader that has seen enough closes the pipe: the work is done all the same.
+    let _ = if common.json {
+        writeln!(out, "{object}")
+    } else if common.quiet {
+        Ok(())
+    } else {
+        lines.iter().try_for_each(|line| writeln!(out, "{line}"))
+    };
 }
 
 /// Counts as JSON.
