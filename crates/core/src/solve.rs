@@ -321,12 +321,7 @@ fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending
         } else {
             verification += spent;
         }
-        let mut b = irradiance.clone();
-        for band in 0..bands {
-            let (e, rho) = (system.emission().band(band), system.reflectance().band(band));
-            b.band_mut(band).iter_mut().enumerate().for_each(|(k, b)| *b = e[k] + rho[k] * *b);
-        }
-        b
+        system.radiosity(irradiance.view())
     };
     // r = B − x, from the recomputed B where there is one.
     let mut r = radiosity.clone();

@@ -249,6 +249,19 @@ impl<'a> System<'a> {
         Ok(cost)
     }
 
+    /// B = E + ρH of every element.
+    ///
+    /// # Panics
+    ///
+    /// If H does not fit the system.
+    pub fn radiosity(&self, irradiance: Bands<'_>) -> BandValues {
+        assert_eq!((irradiance.count(), irradiance.len()), (self.bands(), self.elements()), "irradiance of another system");
+        let mut b = irradiance.to_owned();
+        let data = self.emission.values().iter().zip(self.reflectance.values());
+        b.values_mut().iter_mut().zip(data).for_each(|(b, (e, rho))| *b = e + rho * *b);
+        b
+    }
+
     /// η = Σ A|r| / Σ A E of the worst band; a band in which nothing emits counts as 0 (or as infinite if r ≠ 0).
     pub fn unshot(&self, r: Bands<'_>) -> f64 {
         self.band_fractions(r)

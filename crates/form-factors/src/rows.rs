@@ -67,6 +67,32 @@ pub trait Rows: Sync {
     }
 }
 
+impl<R: Rows + ?Sized> Rows for &R {
+    fn name(&self) -> &'static str {
+        (**self).name()
+    }
+
+    fn sources(&self) -> usize {
+        (**self).sources()
+    }
+
+    fn targets(&self) -> usize {
+        (**self).targets()
+    }
+
+    fn symmetric(&self) -> bool {
+        (**self).symmetric()
+    }
+
+    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        (**self).row(s, values)
+    }
+
+    fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        (**self).upper_row(s, values)
+    }
+}
+
 /// The rows that a pairwise estimator gives between two lists of facets.
 #[derive(Clone, Copy, Debug)]
 pub struct PairwiseRows<'a, P> {

@@ -92,8 +92,8 @@ impl Strategy {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if there is no such solver, it does not read the form, or it needs symmetric form factors and the
-    /// method gives none.
+    /// [`RunError`] if there is no such solver, it does not read the form, or it or the store needs symmetric form factors
+    /// and the method gives none.
     pub fn check(&self) -> Result<(), RunError> {
         let solver = named(&self.solver)?;
         let (name, needs) = (solver.name(), solver.needs());
@@ -107,6 +107,10 @@ impl Strategy {
         }
         if needs.symmetric && !matches!(self.method, Method::Analytic { .. }) {
             return Err(SolveError::NeedsSymmetric { solver: name, store: self.store.name() }.into());
+        }
+        let symmetric = matches!(self.method, Method::Analytic { .. }) && self.shape == Shape::Full;
+        if self.store.needs_symmetric() && !symmetric {
+            return Err(StoreError::NeedsSymmetric { store: self.store.name(), rows: self.method.name() }.into());
         }
         Ok(())
     }
@@ -123,10 +127,8 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let (form_factors, stored_bytes, row_sums, solution) = match strategy.shape {
-        Shape::Full => direct_form(&geometry, strategy, Form::Full, observer),
-        Shape::ElementsToPatches => direct_form(&geometry, strategy, Form::ElementsToPatches, observer),
-        Shape::PatchesToElements => direct_form(&geometry, strategy, Form::PatchesToElements, observer),
         Shape::TwoLevel => two_level(&geometry, strategy, observer),
+        shape => direct_form(&geometry, strategy, shape.form(), observer),
     }?;
     Ok(Run { geometry, meshing, form_factors, stored_bytes, row_sums, solution })
 }
@@ -208,11 +210,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let mut h = BandValues::zeros(elements.bands(), elements.elements());
     let spread = spread(&solution.radiosity, geometry.parent());
     solution.cost += elements.irradiance(Direction::Gather, spread.view(), h.view_mut())?;
-    let mut b = h.clone();
-    for band in 0..b.count() {
-        let (e, rho) = (elements.emission().band(band), elements.reflectance().band(band));
-        b.band_mut(band).iter_mut().enumerate().for_each(|(k, b)| *b = e[k] + rho[k] * *b);
-    }
+    let b = elements.radiosity(h.view());
     solution.time += clock.elapsed();
     (solution.radiosity, solution.irradiance) = (b, h);
     let bytes = store.properties().stored_bytes + patches.properties().stored_bytes;

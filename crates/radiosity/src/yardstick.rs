@@ -144,7 +144,7 @@ impl<'a> Yardstick<'a> {
         strategy: &Strategy,
         direction: Direction,
     ) -> Result<String, RunError> {
-        let form = form_of(strategy.shape);
+        let form = strategy.shape.form();
         let rows = rows(geometry, strategy.method, form, strategy.seed)?;
         // On symmetric rows both directions are one system.
         let turned = form == Form::Full && direction == Direction::Shoot && !rows.symmetric();
@@ -171,7 +171,7 @@ impl<'a> Yardstick<'a> {
         let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
         let areas = geometry.elements().areas();
         let (e, rho) = (emission.view(), reflectance.view());
-        let system = System::substructured(store, form_of(strategy.shape), &areas, geometry.parent(), e, rho)?;
+        let system = System::substructured(store, strategy.shape.form(), &areas, geometry.parent(), e, rho)?;
         let mut h = BandValues::zeros(x.count(), geometry.elements().len());
         let x = if x.len() == h.len() { x.clone() } else { crate::run::spread(x, geometry.parent()) };
         system.irradiance(Direction::Gather, x.view(), h.view_mut())?;
@@ -222,14 +222,6 @@ impl<'a> Yardstick<'a> {
             }
         }
         Ok((square / weight).sqrt() / (level / weight))
-    }
-}
-
-fn form_of(shape: Shape) -> Form {
-    match shape {
-        Shape::Full => Form::Full,
-        Shape::ElementsToPatches | Shape::TwoLevel => Form::ElementsToPatches,
-        Shape::PatchesToElements => Form::PatchesToElements,
     }
 }
 
