@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
 use radiosity::Method;
 
 /// Radiosity: form factors, solutions, comparisons.
@@ -42,7 +43,7 @@ impl Args {
 /// Options of every command.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct Common {
-    /// Scene: an OBJ file with its MTL.
+    /// Scene: an OBJ file with its MTL, a View3D .vs3 file or an STL file.
     pub scene: PathBuf,
     /// Threads to use; all by default.
     #[arg(long, value_parser = at_least_one)]
@@ -157,15 +158,46 @@ pub struct FormFactorsArgs {
     /// Estimator.
     #[command(flatten)]
     pub estimator: Estimator,
-    /// Largest error of an unblocked form factor of the analytic estimator.
+    /// Largest error of an unblocked form factor of the analytic estimator; that of the file (eps of a .vs3), else 1e-10, if not given.
     #[arg(long, value_name = "T", value_parser = open_unit)]
     pub tolerance: Option<f64>,
     /// Split each quadrilateral K × K and each triangle into K²; rows are the cells.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = count)]
     pub subdivide: u32,
-    /// File to write: .csv, .mtx or .npy.
-    #[arg(long, short)]
-    pub output: PathBuf,
+    /// File to write: .csv, .mtx or .npy, or .vf or .txt in the layout of View3D; F.csv.json beside it says what it holds.
+    #[arg(long, short, required_unless_present = "from")]
+    pub output: Option<PathBuf>,
+    /// Factors from this point with this normal to every face instead of the matrix, exact; as a table if no file is named.
+    #[arg(
+        long,
+        value_name = "X,Y,Z,NX,NY,NZ",
+        value_parser = point_normal,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["method", "rays", "resolution", "samples", "tolerance"]
+    )]
+    pub from: Option<PointNormal>,
+}
+
+/// A point with a normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointNormal {
+    /// The point.
+    pub point: DVec3,
+    /// Its unit normal.
+    pub normal: DVec3,
+}
+
+fn point_normal(text: &str) -> Result<PointNormal, String> {
+    let words: Vec<&str> = text.split(',').map(str::trim).collect();
+    let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    if words.len() != 6 || numbers.len() != 6 {
+        return Err("must be six numbers x,y,z,nx,ny,nz".to_owned());
+    }
+    let normal = DVec3::from_slice(&numbers[3..]);
+    match normal.try_normalize() {
+        Some(normal) => Ok(PointNormal { point: DVec3::from_slice(&numbers), normal }),
+        None => Err("the normal nx,ny,nz must not be zero".to_owned()),
+    }
 }
 
 /// How fine the mesh is.

@@ -36,7 +36,9 @@ fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
                 let sensible = match store {
                     Store::Dense => true,
                     Store::KeepNone => solver == "shooting",
-                    Store::Sparse | Store::KeepAll => pairwise && solver != "direct",
+                    Store::Sparse | Store::Packed | Store::PackedSingle | Store::KeepAll => {
+                        pairwise && solver != "direct"
+                    }
                 };
                 if sensible {
                     let strategy = Strategy::new(Subdivision::Uniform(subdivide), method);

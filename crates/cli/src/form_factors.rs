@@ -1,79 +1,64 @@
 //! `radiosity form-factors`: the matrix F_ij between the cells of a scene, row = from.
 
+use std::path::Path;
 use std::time::Instant;
 
 use radiosity::{Method, cell_form_factors};
 use radiosity_core::FormFactors;
 use radiosity_form_factors::checks::{Checks, check};
-use radiosity_geometry::mesh::{Mesh, MeshSettings, Subdivision};
-use radiosity_geometry::{Facets, Occluders, Scene};
-use radiosity_io::{MatrixFormat, MatrixView, write_matrix};
-use serde_json::json;
+use radiosity_form_factors::stores::DenseFormFactors;
+use radiosity_geometry::{Occluders, Scene};
+use radiosity_io::{MatrixFormat, MatrixView, View3dFactors, WriteError, write_matrix, write_view3d};
+use serde_json::{Value, json};
 
 use crate::args::FormFactorsArgs;
-use crate::{Failure, Verdict, output, scene};
+use crate::cells::{Cells, Label};
+use crate::scene::Faces;
+use crate::{Failure, Verdict, from_point, output, scene, sidecar};
 
-/// Cells of a scene: the rows of the matrix.
-struct Cells {
-    /// The polygons of every cell; none for a face without an area.
-    cells: Facets,
-    /// Every polygon alone, in the order of the cells.
-    elements: Facets,
-    /// Cell of every element.
-    cell: Vec<u32>,
-}
-
-impl Cells {
-    /// The cells of `scene`: its faces at K = 1, K² a quadrilateral or triangle otherwise.
-    fn new(scene: &Scene, subdivide: u32) -> Result<Self, Failure> {
-        let occluders = Occluders::of_scene(scene);
-        let settings = MeshSettings { elements: Subdivision::Uniform(subdivide), patches: None, contacts: false };
-        let mesh = Mesh::new(scene, &occluders, &settings)?;
-        let (mut cells, mut elements, mut cell) = (Facets::new(), Facets::new(), Vec::new());
-        let mut next = 0;
-        for s in 0..scene.surfaces.len() as u32 {
-            let begin = next;
-            while mesh.elements.get(next).is_some_and(|e| e.surface == s) {
-                next += 1;
-            }
-            if begin == next {
-                // A face without an area keeps its rows, which are 0.
-                (0..subdivide * subdivide).for_each(|_| cells.push(Vec::new(), false));
-                continue;
-            }
-            // At K = 1 a face is one cell, whatever it is split into.
-            let key = |e: usize| if subdivide == 1 { (0, 0) } else { (mesh.elements[e].i, mesh.elements[e].j) };
-            let mut e = begin;
-            while e < next {
-                let mut polygons = Vec::new();
-                let here = key(e);
-                while e < next && key(e) == here {
-                    polygons.push(mesh.element_facets.polygons(e)[0].clone());
-                    elements.push(vec![mesh.element_facets.polygons(e)[0].clone()], false);
-                    cell.push(cells.len() as u32);
-                    e += 1;
-                }
-                cells.push(polygons, false);
-            }
-        }
-        Ok(Self { cells, elements, cell })
-    }
+/// Whether `path` names View3D's text layout.
+fn is_view3d(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    matches!(extension.as_deref(), Some("vf" | "txt"))
 }
 
 /// Runs the command.
 pub fn run(args: &FormFactorsArgs) -> Result<Verdict, Failure> {
-    if MatrixFormat::of(&args.output).is_none() {
-        return Err(format!("{}: a matrix file ends in .csv, .mtx or .npy", args.output.display()).into());
+    if let Some(path) = args.output.as_deref().filter(|path| MatrixFormat::of(path).is_none() && !is_view3d(path)) {
+        return Err(format!("{}: a matrix file ends in .csv, .mtx, .npy, .vf or .txt", path.display()).into());
     }
-    let imported = scene::faces_only(&args.common)?;
-    let scene = &imported.scene;
-    let cells = Cells::new(scene, args.subdivide)?;
-    let n = cells.cells.len();
-    let method = match (args.estimator.method(Method::ANALYTIC), args.tolerance) {
-        (Method::Analytic { samples, .. }, Some(tolerance)) => Method::Analytic { tolerance, samples },
-        (method, _) => method,
+    let faces = scene::faces_only(&args.common)?;
+    if args.subdivide > 1 && combined(&faces.rows) && !args.common.quiet {
+        eprintln!("warning: combined surfaces are rows of their own when subdivided");
+    }
+    let cells = Cells::new(&faces.imported.scene, &faces.rows, args.subdivide)?;
+    match (&args.from, &args.output) {
+        (Some(point), _) => from_point::run(args, point, &faces, &cells),
+        (None, Some(path)) => matrix(args, &faces, &cells, path),
+        (None, None) => Err("give --output for the matrix or --from for the factors from a point".into()),
+    }
+}
+
+/// Whether faces share a row.
+fn combined(rows: &[Option<usize>]) -> bool {
+    let mut own: Vec<usize> = rows.iter().copied().flatten().collect();
+    own.sort_unstable();
+    own.windows(2).any(|pair| pair[0] == pair[1])
+}
+
+/// The whole matrix.
+fn matrix(args: &FormFactorsArgs, faces: &Faces, cells: &Cells, path: &Path) -> Result<Verdict, Failure> {
+    let scene = &faces.imported.scene;
+    let (n, all) = (cells.labels.len(), cells.cells.len());
+    let method = match args.estimator.method(Method::ANALYTIC) {
+        Method::Analytic { tolerance, samples } => {
+            // The flag, what the file asks for, the default.
+            let tolerance = args.tolerance.or(faces.tolerance).unwrap_or(tolerance);
+            Method::Analytic { tolerance, samples }
+        }
+        method => method,
     };
-    let bytes = 8 * n as u64 * n as u64;
+    let bytes = 8 * all as u64 * all as u64;
     if args.common.dry_run {
         let object = json!({
             "dry_run": true, "cells": n, "method": output::method(method),
@@ -86,11 +71,11 @@ pub fn run(args: &FormFactorsArgs) -> Result<Verdict, Failure> {
     let blockers = Occluders::blocking(scene);
     let (store, phase) =
         cell_form_factors(&cells.cells, &cells.elements, &cells.cell, &blockers, method, args.common.seed)?;
-    // Checks and the matrix F_ij = A_i F_ij / A_i.
-    let areas = cells.cells.areas();
-    let closed = imported.report.closed();
+    // Checks, in which what only blocks counts as nothing, and the matrix F_ij = A_i F_ij / A_i.
+    let mut areas = cells.cells.areas();
+    areas[n..].fill(0.0);
     let clock = Instant::now();
-    let checks = check(&store, &areas, &areas, closed)?;
+    let checks = check(&store, &areas, &areas, faces.closed)?;
     let mut values = vec![0.0; n * n];
     for (s, row) in values.chunks_exact_mut(n.max(1)).enumerate() {
         let area = areas[s];
@@ -98,26 +83,35 @@ pub fn run(args: &FormFactorsArgs) -> Result<Verdict, Failure> {
             row.iter_mut().enumerate().for_each(|(t, f)| *f = store.entry(s, t) / area);
         }
     }
-    write_matrix(&args.output, MatrixView::new(n, n, &values))?;
+    let view = MatrixView::new(n, n, &values);
+    if is_view3d(path) {
+        let emittances: Vec<f64> = cells.labels.iter().map(|label| emittance(faces, label)).collect();
+        let (areas, enclosure) = (&areas[..n], faces.closed);
+        write_view3d(path, &View3dFactors { areas, emittances: &emittances, enclosure, factors: view })?;
+    } else {
+        write_matrix(path, view)?;
+    }
+    let beside = write_sidecar(args, faces, cells, path, method, &store, &checks)?;
     let written = clock.elapsed();
     let object = json!({
         "cells": n,
-        "file": args.output.display().to_string(),
+        "file": path.display().to_string(),
+        "sidecar": beside,
         "convention": "row = from",
         "method": output::method(method),
         "form_factors": output::phase(&phase),
         "seconds_checks_and_file": written.as_secs_f64(),
         "stored_bytes": store.properties().stored_bytes,
-        "closed": closed,
+        "closed": faces.closed,
         "checks": checks_json(&checks),
-        "scene": output::import(&imported.report),
+        "scene": output::import(&faces.imported.report),
     });
     let lines = [
         format!(
             "{n} × {n} form factors by {} in {:.3} s → {}",
             method.name(),
             phase.time.as_secs_f64(),
-            args.output.display()
+            path.display()
         ),
         match checks.closure {
             Some((row, difference)) => format!("closed scene: worst row sum − 1 is {difference:.1e}, row {row}"),
@@ -129,7 +123,58 @@ pub fn run(args: &FormFactorsArgs) -> Result<Verdict, Failure> {
     Ok(Verdict::Done)
 }
 
-fn checks_json(checks: &Checks) -> serde_json::Value {
+/// Emittance of the row that a cell belongs to.
+fn emittance(faces: &Faces, label: &Label) -> f64 {
+    faces.rows[label.surface as usize].map_or(1.0, |row| faces.emittances[row])
+}
+
+/// What rows stand for: names, faces, and cells where faces are subdivided.
+pub fn rows_json(scene: &Scene, cells: &Cells, subdivide: u32) -> Value {
+    let labels = &cells.labels;
+    let names: Vec<&str> = labels.iter().map(|l| scene.surfaces[l.surface as usize].name.as_str()).collect();
+    let surfaces: Vec<u32> = labels.iter().map(|l| l.surface).collect();
+    let mut object = json!({ "names": names, "surfaces": surfaces, "areas": cells.cells.areas()[..labels.len()] });
+    if subdivide > 1 {
+        object["cells"] = labels.iter().map(|l| json!([l.i, l.j])).collect();
+    }
+    object
+}
+
+/// The file beside the matrix that says what it holds; gives its path.
+fn write_sidecar(
+    args: &FormFactorsArgs,
+    faces: &Faces,
+    cells: &Cells,
+    path: &Path,
+    method: Method,
+    store: &DenseFormFactors,
+    checks: &Checks,
+) -> Result<String, WriteError> {
+    let tolerance = if let Method::Analytic { tolerance, .. } = method { Some(tolerance) } else { None };
+    let bound = |s: usize| {
+        let area = cells.cells.area(s);
+        // A face without an area has a row of zeros, which is exact.
+        store.row_bound(s).map(|bound| if area > 0.0 { bound / area } else { 0.0 })
+    };
+    let mut object = rows_json(&faces.imported.scene, cells, args.subdivide);
+    object["file"] = json!(path.display().to_string());
+    object["scene"] = json!(args.common.scene.display().to_string());
+    object["convention"] = json!("row = from");
+    object["rows"] = json!(cells.labels.len());
+    object["subdivide"] = json!(args.subdivide);
+    object["method"] = output::method(method);
+    object["seed"] = json!(args.common.seed);
+    object["tolerance"] = json!(tolerance);
+    object["error_bound"] = (0..cells.labels.len()).map(bound).collect::<Vec<_>>().into();
+    object["error_bound_of"] =
+        json!("each form factor of the row; three standard errors where rays, pixels or visibility are sampled");
+    object["closed"] = json!(faces.closed);
+    object["checks"] = checks_json(checks);
+    object["repair"] = Value::Null;
+    Ok(sidecar::write(path, &object)?.display().to_string())
+}
+
+fn checks_json(checks: &Checks) -> Value {
     json!({
         "closure": checks.closure.map(|(row, difference)| json!({ "row": row, "row_sum_minus_1": difference })),
         "largest_row_sum": checks.largest_row_sum.map(|(row, sum)| json!({ "row": row, "row_sum": sum })),

@@ -3,11 +3,14 @@
 //! Exit codes: 0 done, 1 a check failed, 2 bad usage or input.
 
 mod args;
+mod cells;
 mod compare;
 mod form_factors;
+mod from_point;
 mod inspect;
 mod output;
 mod scene;
+mod sidecar;
 mod solve;
 
 use std::process::ExitCode;

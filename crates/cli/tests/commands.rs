@@ -171,7 +171,7 @@ fn quiet_prints_nothing() {
         done(&ran);
         assert_eq!(ran.stdout, "", "{command}");
     }
-    assert_eq!(folder.files(), ["F.mtx", "o.ply", "squares.mtl", "squares.obj"]);
+    assert_eq!(folder.files(), ["F.mtx", "F.mtx.json", "o.ply", "squares.mtl", "squares.obj"]);
 }
 
 #[test]

@@ -32,6 +32,16 @@ pub enum StoreError {
         /// The value of the mirrored entry.
         mirrored: f64,
     },
+    /// The store keeps one number for both directions of a pair.
+    #[error(
+        "the {store} store keeps each pair once and needs symmetric rows of as many sources as targets, but the {rows} rows are not; choose a pairwise estimator with every element its own patch, or another store"
+    )]
+    NeedsSymmetric {
+        /// Name of the store.
+        store: &'static str,
+        /// Name of the rows' estimator.
+        rows: &'static str,
+    },
     /// The store would need more memory than the limit given.
     #[error(
         "storing {sources} × {targets} form factors takes {needed} bytes, more than the {limit} allowed; use fewer elements, substructuring or a store that keeps none"

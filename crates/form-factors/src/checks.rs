@@ -1,7 +1,7 @@
 //! Checks of form factors: closure, reciprocity, sign and size.
 //!
-//! Nothing is repaired here. Row sums of a closed scene are 1; those of an open one are smaller, what is missing goes to the
-//! surroundings, and an open scene is never normalised.
+//! Nothing is changed here ([`crate::repair`] does, on closed scenes). Row sums of a closed scene are 1; those of an open
+//! one are smaller, what is missing goes to the surroundings, and an open scene is never normalised.
 
 use radiosity_core::{FormFactors, RowBuf, StoreError};
 
@@ -25,7 +25,8 @@ pub struct Checks {
 /// Reads all rows once (band 0) and reports what they violate.
 ///
 /// `closed` says that every ray from a front side meets a front side again. Of square stores the entries right of the
-/// diagonal are kept until their partners come: 16 bytes each.
+/// diagonal are kept until their partners come, 16 bytes each; of those that are symmetric, to the last bit as they must be,
+/// none is.
 ///
 /// # Errors
 ///
@@ -44,7 +45,9 @@ pub fn check(
     assert_eq!((source_areas.len(), target_areas.len()), (sources, targets), "check: areas of sources and targets");
     let mut checks = Checks::default();
     // Column by column what rows above have said: partners of the entries left of the diagonal.
-    let mut above: Vec<Vec<(u32, f64)>> = vec![Vec::new(); if sources == targets { targets } else { 0 }];
+    let symmetric = store.properties().symmetric;
+    let compared = sources == targets && !symmetric;
+    let mut above: Vec<Vec<(u32, f64)>> = vec![Vec::new(); if compared { targets } else { 0 }];
     let mut buf = RowBuf::default();
     for (s, &area) in source_areas.iter().enumerate() {
         // A face without an area sends and receives nothing.
@@ -64,7 +67,7 @@ pub fn check(
             let limit = area.min(target_areas[t]);
             checks.above_area += u64::from(value > limit * (1.0 + 8.0 * f64::EPSILON));
         });
-        if sources == targets {
+        if compared {
             let mut worse = |t: usize, difference: f64| {
                 let relative = difference.abs() / area.min(target_areas[t]);
                 if target_areas[t] > 0.0 && checks.reciprocity.is_none_or(|(.., worst)| relative > worst) {
@@ -88,6 +91,10 @@ pub fn check(
                 worse(u as usize, partner);
             }
         }
+    }
+    if symmetric {
+        let mut pair = (0..sources).filter(|&s| source_areas[s] > 0.0);
+        checks.reciprocity = pair.next().zip(pair.next()).map(|(s, t)| (s, t, 0.0));
     }
     Ok(checks)
 }

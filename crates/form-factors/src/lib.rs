@@ -1,14 +1,16 @@
-//! Form-factor estimators, stores and checks.
+//! Form-factor estimators, stores, checks and repair.
 //!
 //! Everything here is about exchange areas A_s F_st. [`Pairwise`] estimators give the exchange area of any two polygons
 //! and so symmetric rows; row-wise ones ([`Rows`] directly) give the whole row of a source. Stores keep rows
-//! ([`stores`]), [`checks`] tell what is wrong with them.
+//! ([`stores`]), [`checks`] tell what is wrong with them, and [`repair`] closes the rows of a closed scene.
 
 pub mod analytic;
 pub mod checks;
 pub mod emitters;
 pub mod hemicube;
+pub mod point;
 pub mod ray_cast;
+pub mod repair;
 mod row_wise;
 mod rows;
 pub mod stores;

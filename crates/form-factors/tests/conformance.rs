@@ -4,10 +4,10 @@ use radiosity_core::{Form, FormFactors};
 use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
+use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_gallery::boxes::{box_in_cube, material};
-use radiosity_gallery::conformance;
+use radiosity_gallery::{RandomEnclosure, conformance};
 use radiosity_geometry::mesh::{Mesh, MeshSettings, Subdivision};
 use radiosity_geometry::{Occluders, Scene};
 
@@ -54,12 +54,16 @@ impl Case {
         for form in [Form::Full, Form::ElementsToPatches, Form::PatchesToElements] {
             let rows = self.rows(estimator, form);
             assert_eq!(rows.symmetric(), estimator == "analytic" && form == Form::Full);
-            let stores: [Box<dyn FormFactors + '_>; 4] = [
+            let mut stores: Vec<Box<dyn FormFactors + '_>> = vec![
                 Box::new(DenseFormFactors::assemble(&*rows).unwrap().0),
                 Box::new(SparseFormFactors::assemble(&*rows).unwrap().0),
                 Box::new(OnDemand::new(self.rows(estimator, form), Keep::All)),
-                Box::new(OnDemand::new(rows, Keep::None)),
+                Box::new(OnDemand::new(self.rows(estimator, form), Keep::None)),
             ];
+            if rows.symmetric() {
+                stores.push(Box::new(PackedFormFactors::<f64>::assemble(&*rows).unwrap().0));
+                stores.push(Box::new(PackedFormFactors::<f32>::assemble(&*rows).unwrap().0));
+            }
             for store in stores {
                 conformance(&*store);
             }
@@ -80,6 +84,14 @@ fn stores_of_ray_cast_rows_conform_in_every_form() {
 #[test]
 fn stores_of_hemicube_rows_conform_in_every_form() {
     Case::new().conforms("hemicube");
+}
+
+/// Larger than a tile, and no multiple of anything.
+#[test]
+fn packed_stores_of_several_tiles_conform() {
+    let enclosure = RandomEnclosure::new(523, SEED);
+    conformance(&PackedFormFactors::<f64>::assemble(&enclosure).unwrap().0);
+    conformance(&PackedFormFactors::<f32>::assemble(&enclosure).unwrap().0);
 }
 
 /// What makes the mesh a case: the sparse store has something to leave out, and row sums are known.

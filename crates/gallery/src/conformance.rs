@@ -181,11 +181,20 @@ fn check_bytes(store: &dyn FormFactors, table: &[f64]) {
     let wanted = match store.name() {
         "dense" => 8 * sources * targets.next_multiple_of(8),
         "sparse" => 12 * nonzero + 8 * (sources + 1),
+        "packed" => 8 * packed_entries(sources),
+        "packed-f32" => 4 * packed_entries(sources),
         "on-demand" => 0,
         "on-demand-kept" => 8 * sources * targets,
         _ => return,
     };
     assert_eq!(store.properties().stored_bytes, wanted, "{}: stored bytes", store.name());
+}
+
+/// Entries of a packed store: whole tiles of 256 × 256 on and above the diagonal, and a last column of tiles of what is left of
+/// n, padded to a multiple of 8.
+fn packed_entries(n: u64) -> u64 {
+    let (whole, rest) = (n / 256, n % 256);
+    whole * (whole + 1) / 2 * 256 * 256 + (n - rest + rest.next_multiple_of(8)) * rest.next_multiple_of(8)
 }
 
 fn check_threads(store: &dyn FormFactors, bands: usize) {

@@ -2,7 +2,7 @@
 
 use radiosity_core::{Bands, Cost, Form, FormFactors, StoreError, System};
 use radiosity_form_factors::Rows;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
+use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
 
 /// A sphere cut into elements of given areas.
 ///
@@ -100,12 +100,12 @@ impl IntegratingSphere {
         Box::new(SphereRows { sources, targets, total: self.areas.iter().sum() })
     }
 
-    /// Every store of the exchange areas between elements.
+    /// Every store, in double precision, of the exchange areas between elements.
     pub fn stores(&self) -> Vec<Box<dyn FormFactors>> {
         self.stores_of(Form::Full, &[])
     }
 
-    /// Every store of the exchange areas that a form needs.
+    /// Every store, in double precision, of the exchange areas that a form needs; the packed one only of the full form.
     ///
     /// # Panics
     ///
@@ -114,12 +114,16 @@ impl IntegratingSphere {
         let rows = || self.rows_of(form, parent);
         let dense = DenseFormFactors::assemble(&*rows()).expect("areas are finite and positive").0;
         let sparse = SparseFormFactors::assemble(&*rows()).expect("areas are finite and positive").0;
-        vec![
+        let mut all: Vec<Box<dyn FormFactors>> = vec![
             Box::new(dense),
             Box::new(sparse),
             Box::new(OnDemand::new(rows(), Keep::None)),
             Box::new(OnDemand::new(rows(), Keep::All)),
-        ]
+        ];
+        if form == Form::Full {
+            all.push(Box::new(PackedFormFactors::<f64>::assemble(&*rows()).expect("areas are finite and positive").0));
+        }
+        all
     }
 
     /// The system of every element with every element; all bands of E and ρ one after another.
@@ -167,7 +171,7 @@ mod tests {
         let parent: Vec<u32> = (0..75).map(|e| e / 8).collect();
         for form in [Form::Full, Form::ElementsToPatches, Form::PatchesToElements] {
             let stores = sphere.stores_of(form, &parent);
-            assert_eq!(stores.len(), 4);
+            assert_eq!(stores.len(), if form == Form::Full { 5 } else { 4 });
             stores.iter().for_each(|store| crate::conformance(&**store));
         }
     }

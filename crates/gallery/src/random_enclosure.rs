@@ -2,7 +2,7 @@
 
 use radiosity_core::{Bands, Cost, FormFactors, StoreError, System};
 use radiosity_form_factors::Rows;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
+use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
 
 /// Symmetric exchange areas A_s F_st with zero diagonal and row sums A_s, to rounding, at any size.
 ///
@@ -85,16 +85,18 @@ impl RandomEnclosure {
         DenseFormFactors::assemble(self).expect("exchange areas are positive and symmetric").0
     }
 
-    /// Every store.
+    /// Every store in double precision.
     ///
     /// # Panics
     ///
     /// As [`Self::dense`].
     pub fn stores(&self) -> Vec<Box<dyn FormFactors + '_>> {
         let sparse = SparseFormFactors::assemble(self).expect("exchange areas are positive and symmetric").0;
+        let packed = PackedFormFactors::<f64>::assemble(self).expect("exchange areas are positive and symmetric").0;
         vec![
             Box::new(self.dense()),
             Box::new(sparse),
+            Box::new(packed),
             Box::new(OnDemand::new(Box::new(self), Keep::None)),
             Box::new(OnDemand::new(Box::new(self), Keep::All)),
         ]
@@ -186,7 +188,7 @@ mod tests {
     #[test]
     fn every_store_conforms() {
         let enclosure = RandomEnclosure::new(67, 3);
-        assert_eq!(enclosure.stores().len(), 4);
+        assert_eq!(enclosure.stores().len(), 5);
         enclosure.stores().iter().for_each(|store| crate::conformance(&**store));
     }
 }

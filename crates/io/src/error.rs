@@ -3,6 +3,9 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::stl::StlFault;
+use crate::view3d::View3dFault;
+
 /// A piece of a file, cut to a length that fits a message and without control characters.
 pub(crate) fn shown(text: &str) -> String {
     const LONGEST: usize = 40;
@@ -85,7 +88,7 @@ pub enum ReadError {
     },
     /// Nothing to work on.
     #[error("{}: none of its {faces} faces has an area{}; give the scene at least one face",
-        path.display(), first_line.map_or(String::new(), |line| format!(" (the first is on line {line})")))]
+        path.display(), first_line.filter(|line| *line > 0).map_or(String::new(), |line| format!(" (the first is on line {line})")))]
     Empty {
         /// The file.
         path: PathBuf,
@@ -190,6 +193,26 @@ pub enum ReadError {
         path: PathBuf,
         /// Extensions that are.
         known: &'static str,
+    },
+    /// A statement of a View3D file that cannot be used.
+    #[error("{}:{line}: {fault}", path.display())]
+    View3d {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// What is wrong.
+        fault: View3dFault,
+    },
+    /// A file that holds no STL triangles.
+    #[error("{}{}: {fault}", path.display(), if *line == 0 { String::new() } else { format!(":{line}") })]
+    Stl {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1; 0 for binary files.
+        line: usize,
+        /// What is wrong.
+        fault: StlFault,
     },
     /// A matrix file that holds no matrix.
     #[error("{}{}: {what}; correct or make the file again", path.display(), if *line == 0 { String::new() } else { format!(":{line}") })]

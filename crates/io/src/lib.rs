@@ -11,7 +11,9 @@ pub mod matrix;
 pub mod obj;
 pub mod ply;
 pub mod png;
+pub mod stl;
 pub mod table;
+pub mod view3d;
 
 pub use atomic::write_atomically;
 pub use error::{ReadError, WriteError};
@@ -19,4 +21,8 @@ pub use matrix::{Matrix, MatrixFormat, MatrixView, read_matrix, write_matrix};
 pub use obj::{ImportReport, Imported, ReadOptions, Texture, read_geometry, read_scene};
 pub use ply::{PlyFace, write_ply};
 pub use png::write_png;
+pub use stl::{StlFault, read_stl, read_stl_geometry};
 pub use table::{SolutionRow, write_solution};
+pub use view3d::{
+    Control, Role, View3dFactors, View3dFault, View3dScene, read_view3d, read_view3d_geometry, write_view3d,
+};

@@ -7,7 +7,7 @@ use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, SparseFormFactors};
+use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders};
 
@@ -176,6 +176,14 @@ pub fn assemble<'a>(
         }
         Store::Sparse => {
             let (store, cost) = SparseFormFactors::assemble(&*rows)?;
+            (Box::new(store), cost)
+        }
+        Store::Packed => {
+            let (store, cost) = PackedFormFactors::<f64>::assemble(&*rows)?;
+            (Box::new(store), cost)
+        }
+        Store::PackedSingle => {
+            let (store, cost) = PackedFormFactors::<f32>::assemble(&*rows)?;
             (Box::new(store), cost)
         }
         Store::KeepAll => (Box::new(OnDemand::new(rows, Keep::All)), Cost::default()),

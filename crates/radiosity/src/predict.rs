@@ -1,5 +1,7 @@
 //! What a strategy will cost, before it runs: exact counts where they are known, bounds elsewhere.
 
+use radiosity_form_factors::stores::PackedFormFactors;
+
 use crate::{Geometry, Method, Shape, Store, Strategy};
 
 /// Counts and memory of a strategy on a mesh.
@@ -30,9 +32,14 @@ pub fn predict(geometry: &Geometry<'_>, strategy: &Strategy) -> Prediction {
         Shape::PatchesToElements => (n, m),
     };
     let pairwise = matches!(strategy.method, Method::Analytic { .. });
-    let held = matches!(strategy.store, Store::Dense | Store::Sparse | Store::KeepAll);
-    // A sparse entry also names its target.
-    let width = if strategy.store == Store::Sparse { 12 } else { 8 };
+    let held = match strategy.store {
+        Store::Dense | Store::KeepAll => 8 * sources * targets,
+        // A sparse entry also names its target.
+        Store::Sparse => 12 * sources * targets,
+        Store::Packed => PackedFormFactors::<f64>::bytes(m as usize),
+        Store::PackedSingle => PackedFormFactors::<f32>::bytes(m as usize),
+        Store::KeepNone => 0,
+    };
     let coarse = if strategy.shape == Shape::TwoLevel { 8 * n * n } else { 0 };
     Prediction {
         elements: m,
@@ -48,6 +55,6 @@ pub fn predict(geometry: &Geometry<'_>, strategy: &Strategy) -> Prediction {
             Method::Hemicube { resolution } => sources * 3 * u64::from(resolution).pow(2),
             _ => 0,
         },
-        stored_bytes: if held { sources * targets * width + coarse } else { coarse },
+        stored_bytes: held + coarse,
     }
 }

@@ -92,8 +92,8 @@ impl Strategy {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if there is no such solver, it does not read the form, or it needs symmetric form factors and the
-    /// method gives none.
+    /// [`RunError`] if there is no such solver, it does not read the form, or it or the store needs symmetric form factors
+    /// and the method gives none.
     pub fn check(&self) -> Result<(), RunError> {
         let solver = named(&self.solver)?;
         let (name, needs) = (solver.name(), solver.needs());
@@ -107,6 +107,10 @@ impl Strategy {
         }
         if needs.symmetric && !matches!(self.method, Method::Analytic { .. }) {
             return Err(SolveError::NeedsSymmetric { solver: name, store: self.store.name() }.into());
+        }
+        let symmetric = matches!(self.method, Method::Analytic { .. }) && self.shape == Shape::Full;
+        if self.store.needs_symmetric() && !symmetric {
+            return Err(StoreError::NeedsSymmetric { store: self.store.name(), rows: self.method.name() }.into());
         }
         Ok(())
     }

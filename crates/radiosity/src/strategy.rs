@@ -58,6 +58,10 @@ pub enum Store {
     Dense,
     /// Entries that are not zero.
     Sparse,
+    /// Every pair once, in tiles of double precision; of symmetric form factors only.
+    Packed,
+    /// Every pair once, in tiles of single precision; of symmetric form factors only.
+    PackedSingle,
     /// Rows computed when first asked for, and kept.
     KeepAll,
     /// Rows computed whenever asked for.
@@ -65,14 +69,23 @@ pub enum Store {
 }
 
 impl Store {
-    /// All stores.
+    /// The stores that take form factors of every estimator in every shape.
     pub const ALL: [Self; 4] = [Self::Dense, Self::Sparse, Self::KeepAll, Self::KeepNone];
+    /// The stores that take only symmetric ones: of a pairwise estimator in the full shape.
+    pub const SYMMETRIC: [Self; 2] = [Self::Packed, Self::PackedSingle];
+
+    /// Whether the store keeps one number for both directions of a pair, and so needs symmetric rows.
+    pub fn needs_symmetric(&self) -> bool {
+        Self::SYMMETRIC.contains(self)
+    }
 
     /// The name used in flags and tables.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Dense => "dense",
             Self::Sparse => "sparse",
+            Self::Packed => "packed",
+            Self::PackedSingle => "packed, single precision",
             Self::KeepAll => "on-demand, kept",
             Self::KeepNone => "on-demand, recomputed",
         }
@@ -162,4 +175,27 @@ pub fn default_method(elements: usize, blocking: usize) -> Method {
     let pairs = elements as f64 * elements as f64 / 2.0;
     let limit = if blocking == 0 { 5e7 } else { 2e8 / blocking as f64 };
     if pairs <= limit { Method::ANALYTIC } else { Method::RAYS_AND_EMITTERS }
+}
+
+#[cfg(test)]
+mod tests {
+    use radiosity_core::StoreError;
+
+    use super::*;
+    use crate::RunError;
+
+    #[test]
+    fn packed_stores_refuse_what_is_not_symmetric_before_anything_is_computed() {
+        for store in Store::SYMMETRIC {
+            let strategy = |method, shape| {
+                let solver = "jacobi".to_owned();
+                Strategy { store, shape, solver, ..Strategy::new(Subdivision::Uniform(1), method) }
+            };
+            assert_eq!(strategy(Method::ANALYTIC, Shape::Full).check(), Ok(()));
+            let refused = |rows| Err(RunError::Store(StoreError::NeedsSymmetric { store: store.name(), rows }));
+            assert_eq!(strategy(Method::RAY_CAST, Shape::Full).check(), refused("ray-cast"));
+            assert_eq!(strategy(Method::HEMICUBE, Shape::Full).check(), refused("hemicube"));
+            assert_eq!(strategy(Method::ANALYTIC, Shape::ElementsToPatches).check(), refused("analytic"));
+        }
+    }
 }

@@ -52,7 +52,7 @@ fn every_solver_on_every_symmetric_store_gives_one_answer_in_both_directions() {
     // Few segments: what is solved is another system then, but the same for all.
     let method = Method::Analytic { tolerance: 1e-6, samples: 64 };
     let mut reference: Option<BandValues> = None;
-    for kind in Store::ALL {
+    for kind in Store::ALL.into_iter().chain(Store::SYMMETRIC) {
         // Recomputed rows would take most of a minute for nothing new: one estimator call more for each entry read.
         if kind == Store::KeepNone {
             continue;
@@ -69,7 +69,9 @@ fn every_solver_on_every_symmetric_store_gives_one_answer_in_both_directions() {
             for (name, b) in solutions {
                 let reference = reference.get_or_insert_with(|| b.clone());
                 let difference = difference(reference, &b);
-                assert!(difference < AGREE, "{name} on {}, {direction:?}: {difference:e}", kind.name());
+                // Single precision solves a system rounded by 2⁻²⁴ = 6e-8, whose answer is off by 1/(1 − ρ) of that.
+                let agree = if kind == Store::PackedSingle { 1e-6 } else { AGREE };
+                assert!(difference < agree, "{name} on {}, {direction:?}: {difference:e}", kind.name());
             }
         }
     }

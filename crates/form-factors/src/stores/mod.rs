@@ -4,22 +4,27 @@
 //! |---|---|---|---|
 //! | [`DenseFormFactors`] | every entry, 8 bytes | without a copy | closed rooms, direct methods |
 //! | [`SparseFormFactors`] | entries that are not zero, 12 bytes each | without a copy | scenes that hide most pairs |
+//! | [`PackedFormFactors`] | symmetric entries once, in tiles of 4 or 8 bytes an entry | a row copied to the caller's buffer | large closed rooms, products at the speed of memory |
 //! | [`OnDemand`] | nothing, or the rows asked for so far | a row computed in the caller's buffer | shooting, little memory |
 //!
-//! All of them serve square and rectangular rows and give the same bytes at any number of threads. [`aggregate`] sums
-//! rows and columns of elements to patches. What is *not* here: estimators, and any change of a value (normalising,
+//! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
+//! rows too. [`aggregate`] sums rows and columns of elements to patches. What is *not* here: estimators, and any change of a value (normalising,
 //! symmetrising by scaling, dropping small entries).
 
 mod dense;
 mod on_demand;
+mod packed;
 mod sparse;
+mod tiles;
 
 use radiosity_core::{Bands, BandsMut, Cost, FormFactors, RowBuf, StoreError};
 use rayon::prelude::*;
 
 pub use dense::DenseFormFactors;
 pub use on_demand::{Keep, OnDemand};
+pub use packed::PackedFormFactors;
 pub use sparse::SparseFormFactors;
+pub use tiles::Entry;
 
 /// Rows of a product that one task computes; fixed, so that the work is cut alike at any number of threads.
 const PIECE: usize = 16;
@@ -216,12 +221,16 @@ pub(crate) mod tests {
     /// Every store of a table, with its name.
     pub(crate) fn stores(sources: usize, targets: usize) -> Vec<Box<dyn FormFactors>> {
         let table = || Table { sources, targets };
-        vec![
+        let mut all: Vec<Box<dyn FormFactors>> = vec![
             Box::new(DenseFormFactors::assemble(&table()).unwrap().0),
             Box::new(SparseFormFactors::assemble(&table()).unwrap().0),
             Box::new(OnDemand::new(Box::new(table()), Keep::None)),
             Box::new(OnDemand::new(Box::new(table()), Keep::All)),
-        ]
+        ];
+        if sources == targets {
+            all.push(Box::new(PackedFormFactors::<f64>::assemble(&table()).unwrap().0));
+        }
+        all
     }
 
     /// Sums of at most 70 terms below 5 in size: 1e-13 is 20 roundings of the largest.
@@ -253,7 +262,7 @@ pub(crate) mod tests {
 
     #[test]
     fn products_give_the_same_bytes_in_pools_of_1_2_and_8_threads() {
-        for store in stores(150, 150).into_iter().chain(stores(150, 1100)) {
+        for store in stores(600, 600).into_iter().chain(stores(150, 1100)) {
             let (sources, targets) = (store.sources(), store.targets());
             let run = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

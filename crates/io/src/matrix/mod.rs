@@ -52,7 +52,7 @@ impl<'a> MatrixView<'a> {
     }
 
     /// Refuses values that no reader would take for a form factor.
-    fn check(&self, path: &Path) -> Result<(), WriteError> {
+    pub(crate) fn check(&self, path: &Path) -> Result<(), WriteError> {
         match self.values.iter().position(|v| !v.is_finite()) {
             Some(k) => Err(WriteError::NotFinite {
                 path: path.to_owned(),

@@ -21,7 +21,7 @@ const BANDS: usize = 3;
 /// # Errors
 ///
 /// [`ReadError`] if no face has an area or a material cannot be used.
-pub(super) fn assemble(
+pub(crate) fn assemble(
     path: &Path,
     raw: Raw,
     materials: Option<(&Library, &ReadOptions)>,

@@ -16,7 +16,7 @@ use crate::error::shown;
 
 /// A material as its library gives it.
 #[derive(Clone, Debug)]
-pub(super) struct RawMaterial {
+pub(crate) struct RawMaterial {
     pub name: String,
     pub path: PathBuf,
     /// Lines of its colours.
@@ -35,14 +35,14 @@ pub(super) struct RawMaterial {
 
 /// Lines of `Kd` and `Ks`; that of `newmtl` where one is absent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lines {
+pub(crate) struct Lines {
     pub kd: usize,
     pub ks: usize,
 }
 
 /// Materials of all libraries by name, and what was odd about them.
 #[derive(Default)]
-pub(super) struct Library {
+pub(crate) struct Library {
     pub materials: HashMap<String, RawMaterial>,
     pub warnings: Vec<String>,
 }
@@ -60,7 +60,7 @@ impl Library {
     /// # Errors
     ///
     /// [`ReadError`] at a `Kd`, `Ks` or `Ke` that is no colour, negative or not finite.
-    pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), ReadError> {
+    pub(crate) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), ReadError> {
         let mut block: Option<Block> = None;
         for line in logical_lines(bytes) {
             let Some((key, rest)) = line.key() else { continue };
@@ -183,7 +183,7 @@ fn textures(library: &Path, material: &str, block: &str) -> Vec<Texture> {
 }
 
 /// The regular file that `named` means in `file`'s folder, with `\` read as `/` if need be.
-pub(super) fn beside(file: &Path, named: &str) -> Option<PathBuf> {
+pub(crate) fn beside(file: &Path, named: &str) -> Option<PathBuf> {
     if named.is_empty() || named.contains('\0') {
         return None;
     }

@@ -12,14 +12,14 @@
 //! Geometry is scanned line by line here so that errors name lines; materials are read by `tobj`, see `library.rs`. What is *not*
 //! here: normals and texture coordinates (not needed), curves and free-form surfaces (named in the report).
 
-mod assemble;
-mod library;
+pub(crate) mod assemble;
+pub(crate) mod library;
 mod lines;
 mod report;
-mod scan;
+pub(crate) mod scan;
 #[cfg(test)]
 mod tests;
-mod topology;
+pub(crate) mod topology;
 
 use std::path::Path;
 
@@ -27,6 +27,7 @@ use radiosity_geometry::Scene;
 
 use crate::ReadError;
 use library::Library;
+pub(crate) use scan::LARGEST;
 use scan::Raw;
 
 pub use report::{ImportReport, Texture};
@@ -85,7 +86,7 @@ pub fn read_geometry(path: &Path) -> Result<Imported, ReadError> {
     assemble::assemble(path, raw, None, ImportReport::default())
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, ReadError> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, ReadError> {
     std::fs::read(path).map_err(|source| ReadError::File { path: path.to_owned(), source })
 }
 

@@ -84,7 +84,7 @@ impl ImportReport {
     }
 
     /// Turns the counts into sentences, behind those already there.
-    pub(super) fn warn(&mut self) {
+    pub(crate) fn warn(&mut self) {
         let missing_files = self.textures.iter().filter(|t| !t.found).count();
         let counted = [
             (self.zero_area_dropped, "of no area dropped; their rows of form factors are 0"),

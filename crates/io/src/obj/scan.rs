@@ -13,7 +13,7 @@ use crate::ReadError;
 use crate::error::shown;
 
 /// One `f` line.
-pub(super) struct RawFace {
+pub(crate) struct RawFace {
     pub line: usize,
     /// Indices into the vertices, from 0.
     pub corners: Vec<usize>,
@@ -25,7 +25,7 @@ pub(super) struct RawFace {
 
 /// What an OBJ file says.
 #[derive(Default)]
-pub(super) struct Raw {
+pub(crate) struct Raw {
     pub vertices: Vec<DVec3>,
     pub faces: Vec<RawFace>,
     /// `mtllib` lines: number and what they name.
@@ -78,7 +78,7 @@ pub(super) fn scan(path: &Path, bytes: &[u8]) -> Result<Raw, ReadError> {
 }
 
 /// Largest coordinate that is taken for one: areas, and products of two of them, stay finite.
-const LARGEST: f64 = 1e70;
+pub(crate) const LARGEST: f64 = 1e70;
 
 /// The first three numbers of a `v` line; a weight or a colour may follow them.
 fn vertex(path: &Path, line: &Line, rest: &str) -> Result<DVec3, ReadError> {

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 /// A face as a loop of points; points of equal coordinates have the same number.
-pub(super) type Loop = Vec<u32>;
+pub(crate) type Loop = Vec<u32>;
 
 /// Numbers points so that equal coordinates (0 and −0 alike) have equal numbers.
 #[derive(Default)]
-pub(super) struct Points {
+pub(crate) struct Points {
     numbers: HashMap<[u64; 3], u32>,
 }
 
@@ -33,7 +33,7 @@ impl Points {
 
 /// How a face relates to the ones before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Repeat {
+pub(crate) enum Repeat {
     /// No other face has these corners.
     New,
     /// An earlier face has the same corners the other way round.
@@ -44,7 +44,7 @@ pub(super) enum Repeat {
 
 /// Finds faces that have the same corners in the same cyclic order, either way round.
 #[derive(Default)]
-pub(super) struct Repeats {
+pub(crate) struct Repeats {
     /// By the loop's normal form: whether it was met that way round, and the other.
     seen: HashMap<Loop, [bool; 2]>,
 }
@@ -77,7 +77,7 @@ fn from_least(face: &[u32]) -> Loop {
 }
 
 /// Edges of one face only, and edges of several that do not run as often one way as the other.
-pub(super) fn edges<'a>(faces: impl Iterator<Item = &'a Loop>) -> (usize, usize) {
+pub(crate) fn edges<'a>(faces: impl Iterator<Item = &'a Loop>) -> (usize, usize) {
     let mut uses: HashMap<(u32, u32), [usize; 2]> = HashMap::new();
     for face in faces {
         for k in 0..face.len() {
