@@ -154,13 +154,7 @@ pub fn times(
     let mut solve = vec![first.solution.time.as_secs_f64()];
     let mut total = vec![first.seconds()];
     // A short run is repeated: the smallest of several repeats best on a shared machine.
-    let repetitions = if total[0] < 0.3 {
-        4
-    } else if total[0] < 2.0 {
-        1
-    } else {
-        0
-    };
+    let repetitions = if total[0] < 0.3 { 2 } else { 0 };
     for _ in 0..repetitions {
         let again = run(scene, &Strategy { verify: false, ..strategy.clone() }, &mut ())?;
         estimate.push(again.form_factors.time.as_secs_f64());
