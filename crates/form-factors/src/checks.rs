@@ -193,7 +193,9 @@ fn place(row: &Entries<'_>, range: Range<usize>, to: &mut [f64]) {
             to.fill(0.0);
             let first = targets.partition_point(|t| (*t as usize) < range.start);
             let inside = targets[first..].iter().zip(&values[first..]);
-            inside.take_while(|(t, _)| (**t as usize) < range.end).for_each(|(t, v)| to[*t as usize - range.start] = *v);
+            inside
+                .take_while(|(t, _)| (**t as usize) < range.end)
+                .for_each(|(t, v)| to[*t as usize - range.start] = *v);
         }
         Entries::Runs { .. } => {
             row.for_each(|t, v| {

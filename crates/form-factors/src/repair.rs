@@ -30,7 +30,9 @@
 
 use radiosity_core::{BandValues, Cost, FormFactors, RowBuf, StoreError};
 
-use crate::Rows;
+use rayon::prelude::*;
+
+use crate::stores::Held;
 
 /// Why form factors could not be repaired.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -93,6 +95,8 @@ pub struct Scaling {
     pub largest_relative_change: f64,
     /// Largest |d_i d_j − 1| S_ij / min(A_i, A_j): the largest change of a form factor.
     pub largest_change: f64,
+    /// √(Σ S_ij (d_i d_j − 1)² / Σ S_ij): the relative change in the mean over the light exchanged.
+    pub rms_relative_change: f64,
     /// Newton steps.
     pub steps: u32,
     /// Products and rows of the store.
@@ -126,11 +130,11 @@ const MOST_PRODUCTS: u32 = 200;
 /// # use radiosity_form_factors::repair::repair;
 /// # use radiosity_form_factors::stores::DenseFormFactors;
 /// let noisy = [0.0, 0.5, 0.4, 0.5, 0.0, 0.6, 0.4, 0.6, 0.0];
-/// let store = DenseFormFactors::from_rows(&noisy, 3, 3, true)?;
+/// let mut store = DenseFormFactors::from_rows(&noisy, 3, 3, true)?;
 /// let scaling = repair(&store, &[1.0; 3], true)?;
 /// assert!((scaling.closure_before - 0.1).abs() < 1e-15 && scaling.closure_after < 1e-13);
-/// let (repaired, _) = DenseFormFactors::assemble(&scaling.rows(&store))?;
-/// assert!((repaired.entry(0, 1) - 0.5).abs() < 1e-13);
+/// scaling.apply(&mut store);
+/// assert!((store.entry(0, 1) - 0.5).abs() < 1e-13);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn repair(store: &dyn FormFactors, areas: &[f64], closed: bool) -> Result<Scaling, RepairError> {
@@ -172,6 +176,7 @@ pub fn repair(store: &dyn FormFactors, areas: &[f64], closed: bool) -> Result<Sc
         closure_after: at.closure(areas).1,
         largest_relative_change: 0.0,
         largest_change: 0.0,
+        rms_relative_change: 0.0,
         steps,
         cost: newton.cost,
     };
@@ -285,70 +290,63 @@ impl Newton<'_> {
 }
 
 impl Scaling {
-    /// The scaled rows of `store`, for any store to assemble.
+    /// Scales the entries of the store that was repaired, in place; its row bounds grow by the changes.
     ///
     /// # Panics
     ///
     /// If the store is not of the size that was repaired.
-    pub fn rows<'a>(&'a self, store: &'a dyn FormFactors) -> Scaled<'a> {
-        assert_eq!((store.sources(), store.targets()), (self.factors.len(), self.factors.len()), "repair: sizes");
-        Scaled { store, factors: &self.factors }
+    pub fn apply(&self, store: &mut dyn Held) {
+        store.scale(&self.factors);
     }
 
     /// Reads all rows for the size of the change.
     fn measure(&mut self, store: &dyn FormFactors, areas: &[f64]) -> Result<(), StoreError> {
-        let mut buf = RowBuf::default();
-        for (s, d) in self.factors.iter().enumerate() {
-            let row = store.row(s, 0, &mut buf)?;
-            self.cost += row.cost;
+        let d = &self.factors;
+        let of_row = |buf: &mut RowBuf, s: usize| {
+            let row = store.row(s, 0, buf)?;
+            let mut changes = Changes { cost: row.cost, ..Changes::default() };
             row.entries.for_each(|t, value| {
                 if value > 0.0 {
-                    let change = (d * self.factors[t] - 1.0).abs();
-                    self.largest_relative_change = self.largest_relative_change.max(change);
-                    self.largest_change = self.largest_change.max(change * value / areas[s].min(areas[t]));
+                    let change = (d[s] * d[t] - 1.0).abs();
+                    changes.relative = changes.relative.max(change);
+                    changes.absolute = changes.absolute.max(change * value / areas[s].min(areas[t]));
+                    changes.squares += value * change * change;
+                    changes.sum += value;
                 }
             });
-        }
+            Ok(changes)
+        };
+        let rows: Vec<Changes> =
+            (0..d.len()).into_par_iter().map_init(RowBuf::default, of_row).collect::<Result<_, StoreError>>()?;
+        // In order, so that sums come out the same on any number of threads.
+        let all = rows.into_iter().fold(Changes::default(), Changes::with);
+        self.cost += all.cost;
+        (self.largest_relative_change, self.largest_change) = (all.relative, all.absolute);
+        self.rms_relative_change = if all.sum > 0.0 { (all.squares / all.sum).sqrt() } else { 0.0 };
         Ok(())
     }
 }
 
-/// Rows d_s d_t S_st of a store: symmetric to the last bit where the store is.
-///
-/// Their bound is the largest change of an entry of the row: to be added to the bound that the store had.
-#[derive(Clone, Copy)]
-pub struct Scaled<'a> {
-    store: &'a dyn FormFactors,
-    factors: &'a [f64],
+/// Changes of the entries of a row, or of all.
+#[derive(Default)]
+struct Changes {
+    cost: Cost,
+    relative: f64,
+    absolute: f64,
+    /// Σ S_ij (d_i d_j − 1)².
+    squares: f64,
+    /// Σ S_ij.
+    sum: f64,
 }
 
-impl Rows for Scaled<'_> {
-    fn name(&self) -> &'static str {
-        "scaled"
-    }
-
-    fn sources(&self) -> usize {
-        self.factors.len()
-    }
-
-    fn targets(&self) -> usize {
-        self.factors.len()
-    }
-
-    fn symmetric(&self) -> bool {
-        true
-    }
-
-    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        let mut buf = RowBuf::default();
-        let row = self.store.row(s, 0, &mut buf)?;
-        values.fill(0.0);
-        let mut change = 0.0_f64;
-        // The product of the two factors first: the same for (s, t) and (t, s).
-        row.entries.for_each(|t, value| {
-            values[t] = value * (self.factors[s] * self.factors[t]);
-            change = change.max((values[t] - value).abs());
-        });
-        Ok((row.cost, change))
+impl Changes {
+    fn with(self, other: Self) -> Self {
+        Self {
+            cost: self.cost + other.cost,
+            relative: self.relative.max(other.relative),
+            absolute: self.absolute.max(other.absolute),
+            squares: self.squares + other.squares,
+            sum: self.sum + other.sum,
+        }
     }
 }

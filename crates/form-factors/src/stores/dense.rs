@@ -7,7 +7,7 @@ use radiosity_core::{
 };
 use rayon::prelude::*;
 
-use super::{assert_lengths, by_rows, check_memory, check_row};
+use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st of all pairs, 8 bytes each (columns of the matrix padded to 64 bytes).
@@ -210,6 +210,24 @@ impl FormFactors for DenseFormFactors {
 
     fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
+    }
+}
+
+impl Held for DenseFormFactors {
+    fn bound(&self, s: usize) -> Option<f64> {
+        self.row_bound(s)
+    }
+
+    fn scale(&mut self, factors: &[f64]) {
+        assert_factors(self, factors);
+        let scaled = self.values.par_col_iter_mut().zip(factors).map(|(column, &d_s)| {
+            let row = column.try_as_col_major_mut().expect("columns of an owned matrix").as_slice_mut();
+            scale_row(d_s, factors.iter().copied(), row.iter_mut())
+        });
+        let changes: Vec<f64> = scaled.collect();
+        if let Some(bounds) = &mut self.bounds {
+            bounds.iter_mut().zip(changes).for_each(|(bound, change)| *bound += change);
+        }
     }
 }
 

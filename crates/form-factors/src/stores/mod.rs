@@ -26,6 +26,36 @@ pub use packed::PackedFormFactors;
 pub use sparse::SparseFormFactors;
 pub use tiles::Entry;
 
+/// A store that holds its entries, with a bound for each row, and can scale them in place.
+pub trait Held: FormFactors {
+    /// Bound of the error of every entry of row s (three standard errors where sampled), if the estimator gave one.
+    fn bound(&self, s: usize) -> Option<f64>;
+
+    /// Turns A_s F_st into d_s A_s F_st d_t: symmetry to the last bit, zeros and signs stay. Takes no memory.
+    ///
+    /// The bound of a row grows by the largest change of its entries.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one factor a source, or the store is not square.
+    fn scale(&mut self, factors: &[f64]);
+}
+
+/// One factor a row, and a square store.
+fn assert_factors(store: &impl FormFactors, factors: &[f64]) {
+    let sizes = (store.sources(), store.targets());
+    assert_eq!(sizes, (factors.len(), factors.len()), "scale: factors of a square store");
+}
+
+/// Scales the entries `values` of one row in the columns that `factors` belongs to by those and `d_s`; the largest change.
+fn scale_row<'a>(d_s: f64, factors: impl Iterator<Item = f64>, values: impl Iterator<Item = &'a mut f64>) -> f64 {
+    // The product of the two factors first: the same for (s, t) and (t, s).
+    values.zip(factors).fold(0.0, |change: f64, (value, d_t)| {
+        let old = std::mem::replace(value, *value * (d_s * d_t));
+        change.max((*value - old).abs())
+    })
+}
+
 /// Rows of a product that one task computes; fixed, so that the work is cut alike at any number of threads.
 const PIECE: usize = 16;
 

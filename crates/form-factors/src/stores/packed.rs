@@ -9,7 +9,7 @@ use radiosity_core::{
 use rayon::prelude::*;
 
 use super::tiles::{Entry, Half, Layout, Level, Pass, STRIP, TILE, place};
-use super::{assert_lengths, check_memory, check_row};
+use super::{Held, assert_factors, assert_lengths, check_memory, check_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st = A_t F_ts of all pairs s ≤ t, in double or single precision (`T` is `f64` or `f32`).
@@ -362,6 +362,47 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
     }
 }
 
+impl<T: Entry> Held for PackedFormFactors<T> {
+    fn bound(&self, s: usize) -> Option<f64> {
+        Some(self.row_bound(s))
+    }
+
+    /// In single precision the scaled entries are rounded once more.
+    fn scale(&mut self, factors: &[f64]) {
+        assert_factors(self, factors);
+        let Self { layout, values, first, bounds, .. } = self;
+        let mut tiles = Vec::with_capacity(layout.tiles());
+        let mut rest = &mut values[*first..];
+        for i in 0..layout.blocks() {
+            for j in i..layout.blocks() {
+                let (tile, after) = rest.split_at_mut(layout.side(i) * layout.side(j));
+                tiles.push((i, j, tile));
+                rest = after;
+            }
+        }
+        let scaled = tiles.into_par_iter().map(|(i, j, tile)| {
+            let (mut of_rows, mut of_columns) = (vec![0.0_f64; layout.height(i)], vec![0.0_f64; layout.height(j)]);
+            for (r, of_row) in of_rows.iter_mut().enumerate() {
+                for (t, of_column) in of_columns.iter_mut().enumerate() {
+                    let value = &mut tile[place(layout.side(j), r, t)];
+                    let old: f64 = (*value).into();
+                    *value = T::round(old * (factors[i * TILE + r] * factors[j * TILE + t]));
+                    let change = ((*value).into() - old).abs();
+                    (*of_row, *of_column) = (of_row.max(change), of_column.max(change));
+                }
+            }
+            (i, j, of_rows, of_columns)
+        });
+        let mut changes = vec![0.0_f64; factors.len()];
+        for (i, j, of_rows, of_columns) in scaled.collect::<Vec<_>>() {
+            for (block, of) in [(i, of_rows), (j, of_columns)] {
+                changes[block * TILE..].iter_mut().zip(of).for_each(|(change, of)| *change = change.max(of));
+            }
+        }
+        bounds.iter_mut().zip(changes).for_each(|(bound, change)| *bound += change);
+    }
+}
+
 impl<T: Entry> PackedFormFactors<T> {
     /// Σ_t v_st x_t over the tiles right of the diagonal tile of row I: for each task's rows, band after band.
     fn right_of_diagonal(&self, level: Level, i: usize, x: &[f64], bands: usize) -> Vec<f64> {
@@ -423,6 +464,19 @@ mod tests {
             }
             // The worst of the rows down to it: 1/3 is off by 2⁻²⁶/3, and no entry below 1/2 by more than 2⁻²⁶.
             assert!(store.row_bound(s) >= 2.0_f64.powi(-26) / 3.0 && store.row_bound(s) <= 2.0_f64.powi(-26));
+        }
+    }
+
+    #[test]
+    fn scaling_goes_through_all_tiles_and_the_bounds_grow_by_what_it_changes() {
+        let (mut store, _) = PackedFormFactors::<f64>::assemble(&table()).unwrap();
+        let factors: Vec<f64> = (0..N).map(|s| 1.0 + (s % 7) as f64 / 64.0).collect();
+        store.scale(&factors);
+        for s in [0, 255, 256, 599] {
+            let scaled = |t| Table::value(s, t) * (factors[s] * factors[t]);
+            assert!((0..N).all(|t| store.entry(s, t) == scaled(t) && store.entry(t, s) == scaled(t)), "row {s}");
+            let largest = (0..N).map(|t| (scaled(t) - Table::value(s, t)).abs()).fold(0.0, f64::max);
+            assert_eq!(store.row_bound(s), s as f64 + largest);
         }
     }
 

@@ -6,7 +6,7 @@ use radiosity_core::{
 use rayon::prelude::*;
 use sprs::CsMatI;
 
-use super::{assert_lengths, by_rows, check_memory, check_row};
+use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
@@ -201,6 +201,27 @@ impl FormFactors for SparseFormFactors {
 
     fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
+    }
+}
+
+impl Held for SparseFormFactors {
+    fn bound(&self, s: usize) -> Option<f64> {
+        self.row_bound(s)
+    }
+
+    fn scale(&mut self, factors: &[f64]) {
+        assert_factors(self, factors);
+        let (begins, targets, mut rest) = self.values.view_mut().into_raw_storage();
+        for s in 0..factors.len() {
+            let (begin, end) = (begins[s], begins[s + 1]);
+            let (row, after) = rest.split_at_mut(end - begin);
+            let change =
+                scale_row(factors[s], targets[begin..end].iter().map(|&t| factors[t as usize]), row.iter_mut());
+            if let Some(bounds) = &mut self.bounds {
+                bounds[s] += change;
+            }
+            rest = after;
+        }
     }
 }
 
