@@ -24,5 +24,6 @@ pub use png::write_png;
 pub use stl::{StlFault, read_stl, read_stl_geometry};
 pub use table::{SolutionRow, write_solution};
 pub use view3d::{
-    Control, Role, View3dFactors, View3dFault, View3dScene, read_view3d, read_view3d_geometry, write_view3d,
+    Control, Role, SavedView3d, View3dFactors, View3dFault, View3dScene, read_view3d, read_view3d_factors,
+    read_view3d_geometry, write_view3d,
 };

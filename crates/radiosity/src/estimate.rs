@@ -7,7 +7,7 @@ use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
+use radiosity_form_factors::stores::{DenseFormFactors, Held, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders};
 
@@ -168,26 +168,44 @@ pub fn assemble<'a>(
     seed: u64,
 ) -> Result<(Box<dyn FormFactors + 'a>, Phase), RunError> {
     let clock = Instant::now();
-    let rows = rows(geometry, method, form, seed)?;
-    let (store, cost): (Box<dyn FormFactors + 'a>, Cost) = match store {
-        Store::Dense => {
-            let (store, cost) = DenseFormFactors::assemble(&*rows)?;
-            (Box::new(store), cost)
-        }
-        Store::Sparse => {
-            let (store, cost) = SparseFormFactors::assemble(&*rows)?;
-            (Box::new(store), cost)
-        }
-        Store::Packed => {
-            let (store, cost) = PackedFormFactors::<f64>::assemble(&*rows)?;
-            (Box::new(store), cost)
-        }
-        Store::PackedSingle => {
-            let (store, cost) = PackedFormFactors::<f32>::assemble(&*rows)?;
-            (Box::new(store), cost)
-        }
-        Store::KeepAll => (Box::new(OnDemand::new(rows, Keep::All)), Cost::default()),
-        Store::KeepNone => (Box::new(OnDemand::new(rows, Keep::None)), Cost::default()),
+    let (store, cost) = fill(rows(geometry, method, form, seed)?, store)?;
+    let store: Box<dyn FormFactors + 'a> = match store {
+        Filled::Held(store) => store,
+        Filled::OnDemand(store) => Box::new(store),
     };
     Ok((store, Phase { cost, time: clock.elapsed() }))
+}
+
+/// A store of the kind asked for.
+pub(crate) enum Filled<'a> {
+    /// It holds its entries.
+    Held(Box<dyn Held>),
+    /// It computes its rows when they are asked for.
+    OnDemand(OnDemand<'a>),
+}
+
+impl<'a> Filled<'a> {
+    pub(crate) fn store(&self) -> &(dyn FormFactors + 'a) {
+        match self {
+            Self::Held(store) => &**store,
+            Self::OnDemand(store) => store,
+        }
+    }
+}
+
+/// A store of rows, and what filling it took.
+pub(crate) fn fill<'a>(rows: Box<dyn Rows + 'a>, store: Store) -> Result<(Filled<'a>, Cost), StoreError> {
+    let (store, cost): (Box<dyn Held>, Cost) = match store {
+        Store::Dense => held(DenseFormFactors::assemble(&*rows)?),
+        Store::Sparse => held(SparseFormFactors::assemble(&*rows)?),
+        Store::Packed => held(PackedFormFactors::<f64>::assemble(&*rows)?),
+        Store::PackedSingle => held(PackedFormFactors::<f32>::assemble(&*rows)?),
+        Store::KeepAll => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::All)), Cost::default())),
+        Store::KeepNone => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::None)), Cost::default())),
+    };
+    Ok((Filled::Held(store), cost))
+}
+
+fn held(filled: (impl Held + 'static, Cost)) -> (Box<dyn Held>, Cost) {
+    (Box::new(filled.0), filled.1)
 }

@@ -1,17 +1,21 @@
 //! Follows a strategy from geometry to a solution.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use radiosity_core::{
     BandValues, Direction, Form, FormFactors, Observer, Solution, SolveError, StopRule, StoreError, System,
     SystemError, solve,
 };
+use radiosity_form_factors::Rows;
+use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
 use radiosity_form_factors::hemicube::HemicubeError;
-use radiosity_form_factors::stores::{DenseFormFactors, aggregate_sources};
+use radiosity_form_factors::repair::RepairError;
+use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
 
-use crate::{Geometry, Method, Phase, Shape, Strategy, assemble};
+use crate::estimate::{Filled, fill};
+use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
 /// Why a run could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,6 +44,25 @@ pub enum RunError {
         /// The names there are.
         known: String,
     },
+    /// The rows could not be repaired.
+    #[error(transparent)]
+    Repair(#[from] RepairError),
+    /// The rows of patches carry no symmetry to scale.
+    #[error("only form factors of the full form can be repaired, not those of the form {form}; leave out the patches")]
+    RepairForm {
+        /// Name of the form.
+        form: &'static str,
+    },
+    /// The store holds nothing that could be scaled, or cannot take the mean of both directions.
+    #[error("the {rows} form factors cannot be repaired in the {store} store; choose {instead}")]
+    RepairStore {
+        /// Name of the estimator.
+        rows: &'static str,
+        /// Name of the store.
+        store: &'static str,
+        /// Stores that will do.
+        instead: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -58,21 +81,26 @@ pub struct Run<'a> {
     pub form_factors: Phase,
     /// Bytes of form factors held at the end.
     pub stored_bytes: u64,
-    /// Largest |row sum − 1| and mean row sum of the store, if it was held.
-    pub row_sums: Option<RowSums>,
+    /// What checks of the store say, if it held its form factors.
+    pub checked: Option<Checked>,
+    /// The repair, if one was asked for.
+    pub repair: Option<Repair>,
     /// The solution on the exposed elements.
     pub solution: Solution,
 }
 
-/// Row sums of a store, relative to the areas of its sources.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RowSums {
-    /// Smallest.
-    pub smallest: f64,
-    /// Largest.
-    pub largest: f64,
-    /// Area-weighted mean.
-    pub mean: f64,
+/// What checks of form factors say, as they were used: after a repair, if there was one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checked {
+    /// Closure, reciprocity, sign and size.
+    pub checks: Checks,
+    /// Whether rows should sum to 1: the edges of the scene match each other.
+    pub closed: bool,
+    /// Pairs of a pairwise estimator against what they would be if nothing blocked, before any repair; `None` where nothing blocks or
+    /// the bounds of the entries are not known or statistical.
+    pub blocked: Option<BlockedPairs>,
+    /// Time taken, outside all phases.
+    pub time: Duration,
 }
 
 impl Run<'_> {
@@ -95,6 +123,11 @@ impl Strategy {
     /// [`RunError`] if there is no such solver, it does not read the form, or it or the store needs symmetric form factors
     /// and the method gives none.
     pub fn check(&self) -> Result<(), RunError> {
+        self.check_rows(matches!(self.method, Method::Analytic { .. }), self.method.name())
+    }
+
+    /// [`Self::check`] of rows of the name given, symmetric in the full form or not.
+    pub(crate) fn check_rows(&self, symmetric: bool, rows: &'static str) -> Result<(), RunError> {
         let solver = named(&self.solver)?;
         let (name, needs) = (solver.name(), solver.needs());
         let form = match self.shape {
@@ -105,12 +138,24 @@ impl Strategy {
         if !needs.forms.contains(&form) {
             return Err(SolveError::NeedsForm { solver: name, form, works_on: needs.forms }.into());
         }
-        if needs.symmetric && !matches!(self.method, Method::Analytic { .. }) {
+        if self.repair {
+            let instead = match (symmetric, self.store) {
+                _ if self.shape != Shape::Full => return Err(RunError::RepairForm { form: self.shape.name() }),
+                (true, Store::KeepAll | Store::KeepNone) => Some("dense, sparse or packed"),
+                // The mean of both directions is taken of a whole matrix.
+                (false, store) if store != Store::Dense => Some("dense"),
+                _ => None,
+            };
+            return match instead {
+                Some(instead) => Err(RunError::RepairStore { rows, store: self.store.name(), instead }),
+                None => Ok(()),
+            };
+        }
+        if needs.symmetric && !symmetric {
             return Err(SolveError::NeedsSymmetric { solver: name, store: self.store.name() }.into());
         }
-        let symmetric = matches!(self.method, Method::Analytic { .. }) && self.shape == Shape::Full;
-        if self.store.needs_symmetric() && !symmetric {
-            return Err(StoreError::NeedsSymmetric { store: self.store.name(), rows: self.method.name() }.into());
+        if self.store.needs_symmetric() && !(symmetric && self.shape == Shape::Full) {
+            return Err(StoreError::NeedsSymmetric { store: self.store.name(), rows }.into());
         }
         Ok(())
     }
@@ -126,33 +171,132 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
-    let (form_factors, stored_bytes, row_sums, solution) = match strategy.shape {
+    let made = match strategy.shape {
         Shape::TwoLevel => two_level(&geometry, strategy, observer),
-        shape => direct_form(&geometry, strategy, shape.form(), observer),
+        shape => {
+            let rows = crate::rows(&geometry, strategy.method, shape.form(), strategy.seed)?;
+            let unblocked = match strategy.method {
+                Method::Analytic { tolerance, .. } => Some(tolerance),
+                _ => None,
+            };
+            direct_form(&geometry, rows, unblocked, strategy, observer)
+        }
     }?;
-    Ok(Run { geometry, meshing, form_factors, stored_bytes, row_sums, solution })
+    Ok(made.run(geometry, meshing))
 }
 
-type Solved = (Phase, u64, Option<RowSums>, Solution);
+/// Solves the scene of `geometry` on saved form factors, fitted to it by [`crate::SavedFormFactors::fit`]; store, solver, repair and
+/// stopping as `strategy` says, in its full form. Its method is not used.
+///
+/// # Errors
+///
+/// [`RunError`] as [`run`].
+pub fn run_saved<'a>(
+    geometry: Geometry<'a>,
+    saved: &FittedRows,
+    strategy: &Strategy,
+    observer: &mut dyn Observer,
+) -> Result<Run<'a>, RunError> {
+    strategy.check_rows(saved.symmetric(), saved.name())?;
+    // Bounds as small as a tolerance are of no use to an unblocked value that is worse.
+    let unblocked = (saved.symmetric() && saved.has_bounds()).then_some(1e-10);
+    let made = direct_form(&geometry, Box::new(saved), unblocked, strategy, observer)?;
+    Ok(made.run(geometry, Phase::default()))
+}
+
+/// What solving gives beside the geometry.
+struct Made {
+    form_factors: Phase,
+    stored_bytes: u64,
+    checked: Option<Checked>,
+    repair: Option<Repair>,
+    solution: Solution,
+}
+
+impl Made {
+    fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
+        let Self { form_factors, stored_bytes, checked, repair, solution } = self;
+        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, solution }
+    }
+}
 
 fn stop_rule(strategy: &Strategy) -> StopRule {
     let rule = StopRule::unshot(strategy.unshot).steps(strategy.steps);
     if strategy.verify { rule } else { rule.unverified() }
 }
 
-fn direct_form(
+/// Fills a store with `rows`, repairs it if that is asked for, and solves; `unblocked` is the tolerance of unblocked values to compare with.
+fn direct_form<'r>(
     geometry: &Geometry<'_>,
+    rows: Box<dyn Rows + 'r>,
+    unblocked: Option<f64>,
     strategy: &Strategy,
-    form: Form,
     observer: &mut dyn Observer,
-) -> Result<Solved, RunError> {
-    let (store, phase) = assemble(geometry, strategy.method, form, strategy.store, strategy.seed)?;
-    let solution = solve_on(geometry, &*store, form, &strategy.solver, &stop_rule(strategy), observer)?;
-    let bytes = store.properties().stored_bytes;
-    let held = bytes > 0 && strategy.verify;
+) -> Result<Made, RunError> {
+    let (form, closed) = (strategy.shape.form(), geometry.scene().closed());
     let areas = if form == Form::PatchesToElements { geometry.patches() } else { geometry.elements() }.areas();
-    let row_sums = if held { Some(row_sums(&*store, &areas)?) } else { None };
-    Ok((phase, bytes, row_sums, solution))
+    if strategy.repair && !closed {
+        return Err(RepairError::Open.into());
+    }
+    let clock = Instant::now();
+    let mut repair = None;
+    let ((mut store, cost), time) = if strategy.repair && !rows.symmetric() {
+        let (store, cost) = DenseFormFactors::assemble(&*rows)?;
+        let time = clock.elapsed();
+        let (store, mended) = mend_dense(store, &areas, closed)?;
+        repair = Some(mended);
+        ((Filled::Held(Box::new(store)), cost), time)
+    } else {
+        (fill(rows, strategy.store)?, clock.elapsed())
+    };
+    let form_factors = Phase { cost, time };
+    let clock = Instant::now();
+    let blocked = match (&store, unblocked) {
+        (Filled::Held(store), Some(tolerance)) if form == Form::Full && strategy.verify => {
+            blocked_pairs(&**store, geometry, tolerance)?
+        }
+        _ => None,
+    };
+    let checking = clock.elapsed();
+    if let (true, None, Filled::Held(store)) = (strategy.repair, &repair, &mut store) {
+        repair = Some(mend(&mut **store, &areas, closed)?);
+    }
+    let solution = solve_on(geometry, store.store(), form, &strategy.solver, &stop_rule(strategy), observer)?;
+    let stored_bytes = store.store().properties().stored_bytes;
+    let checked = if stored_bytes > 0 && strategy.verify {
+        let mut checked = checked(geometry, store.store(), form, closed)?;
+        checked.time += checking;
+        Some(Checked { blocked, ..checked })
+    } else {
+        None
+    };
+    Ok(Made { form_factors, stored_bytes, checked, repair, solution })
+}
+
+/// Checks a store between the elements or patches that `form` says.
+fn checked(geometry: &Geometry<'_>, store: &dyn FormFactors, form: Form, closed: bool) -> Result<Checked, StoreError> {
+    let clock = Instant::now();
+    let (elements, patches) = (geometry.elements().areas(), geometry.patches().areas());
+    let (sources, targets) = match form {
+        Form::Full => (&elements, &elements),
+        Form::ElementsToPatches => (&elements, &patches),
+        Form::PatchesToElements => (&patches, &elements),
+    };
+    let checks = check(store, sources, targets, closed)?;
+    Ok(Checked { checks, closed, blocked: None, time: clock.elapsed() })
+}
+
+/// Pairs of the full form against their unblocked values; `None` where nothing blocks.
+fn blocked_pairs(
+    store: &dyn Held,
+    geometry: &Geometry<'_>,
+    tolerance: f64,
+) -> Result<Option<BlockedPairs>, StoreError> {
+    if geometry.blockers().is_empty() {
+        return Ok(None);
+    }
+    let bound = |s: usize| store.bound(s).unwrap_or(f64::INFINITY);
+    check_blocked(store, geometry.elements(), &bound, tolerance).map(Some)
 }
 
 /// Solves the system that `store` makes of `geometry` in `form`.
@@ -180,7 +324,7 @@ fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
 }
 
 /// Form factors from elements to patches only, area-weighted to the parents; the n × n system solved; one gather.
-fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Solved, RunError> {
+fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Made, RunError> {
     let clock = Instant::now();
     let rows = crate::rows(geometry, strategy.method, Form::ElementsToPatches, strategy.seed)?;
     let (store, mut cost) = DenseFormFactors::assemble(&*rows)?;
@@ -191,7 +335,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let (patches, spent) = aggregate_sources(&store, geometry.parent(), geometry.patches().len())?;
     cost += spent;
     let patches = if symmetric { patches.symmetrised() } else { patches };
-    let phase = Phase { cost, time: clock.elapsed() };
+    let form_factors = Phase { cost, time: clock.elapsed() };
     // Patch means of the elements' data.
     let areas = geometry.elements().areas();
     let elements = System::substructured(
@@ -213,23 +357,15 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let b = elements.radiosity(h.view());
     solution.time += clock.elapsed();
     (solution.radiosity, solution.irradiance) = (b, h);
-    let bytes = store.properties().stored_bytes + patches.properties().stored_bytes;
-    let row_sums = Some(row_sums(&store, &areas)?);
-    Ok((phase, bytes, row_sums, solution))
+    let stored_bytes = store.properties().stored_bytes + patches.properties().stored_bytes;
+    let closed = geometry.scene().closed();
+    let checked =
+        if strategy.verify { Some(checked(geometry, &store, Form::ElementsToPatches, closed)?) } else { None };
+    Ok(Made { form_factors, stored_bytes, checked, repair: None, solution })
 }
 
 /// The value of its patch for every element.
 pub(crate) fn spread(values: &BandValues, parent: &[u32]) -> BandValues {
     let all = (0..values.count()).flat_map(|b| parent.iter().map(move |&p| values.band(b)[p as usize]));
     BandValues::new(all.collect(), parent.len())
-}
-
-fn row_sums(store: &dyn FormFactors, areas: &[f64]) -> Result<RowSums, StoreError> {
-    let ones = BandValues::single(vec![1.0; store.targets()]);
-    let mut sums = BandValues::zeros(1, store.sources());
-    store.gather(ones.view(), sums.view_mut())?;
-    let total: f64 = sums.values().iter().sum();
-    let relative = sums.values().iter().zip(areas).map(|(sum, area)| sum / area);
-    let (smallest, largest) = relative.fold((f64::INFINITY, 0.0_f64), |(lo, hi), sum| (lo.min(sum), hi.max(sum)));
-    Ok(RowSums { smallest, largest, mean: total / areas.iter().sum::<f64>() })
 }

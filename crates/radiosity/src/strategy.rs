@@ -85,7 +85,7 @@ impl Store {
             Self::Dense => "dense",
             Self::Sparse => "sparse",
             Self::Packed => "packed",
-            Self::PackedSingle => "packed, single precision",
+            Self::PackedSingle => "packed-f32",
             Self::KeepAll => "on-demand, kept",
             Self::KeepNone => "on-demand, recomputed",
         }
@@ -137,6 +137,9 @@ pub struct Strategy {
     pub store: Store,
     /// Elements and patches.
     pub shape: Shape,
+    /// Whether the rows of a closed scene are closed by symmetric scaling, those of a row-wise estimator after taking the mean of
+    /// both directions of a pair; in the full shape and a store that holds its entries.
+    pub repair: bool,
     /// Name of the solver, see [`radiosity_solvers::by_name`].
     pub solver: String,
     /// Unshot fraction at which the solver stops.
@@ -158,6 +161,7 @@ impl Strategy {
             method,
             store: Store::Dense,
             shape: Shape::Full,
+            repair: false,
             solver: solver.to_owned(),
             unshot: 1e-9,
             steps: 1_000_000,
@@ -197,5 +201,20 @@ mod tests {
             assert_eq!(strategy(Method::HEMICUBE, Shape::Full).check(), refused("hemicube"));
             assert_eq!(strategy(Method::ANALYTIC, Shape::ElementsToPatches).check(), refused("analytic"));
         }
+    }
+
+    #[test]
+    fn repair_makes_rows_symmetric_or_says_what_it_needs() {
+        let strategy = |method, store, shape| {
+            let plain = Strategy { repair: true, store, shape, ..Strategy::new(Subdivision::Uniform(1), method) };
+            let solver = if shape == Shape::Full { "cg" } else { "gauss-seidel" };
+            Strategy { solver: solver.to_owned(), ..plain }.check()
+        };
+        assert_eq!(strategy(Method::RAY_CAST, Store::Dense, Shape::Full), Ok(()));
+        assert_eq!(strategy(Method::ANALYTIC, Store::PackedSingle, Shape::Full), Ok(()));
+        let refused = |method, store, shape| strategy(method, store, shape).unwrap_err().to_string();
+        assert!(refused(Method::RAY_CAST, Store::Sparse, Shape::Full).contains("dense"));
+        assert!(refused(Method::ANALYTIC, Store::KeepAll, Shape::Full).contains("on-demand"));
+        assert!(refused(Method::ANALYTIC, Store::Dense, Shape::ElementsToPatches).contains("elements-to-patches"));
     }
 }

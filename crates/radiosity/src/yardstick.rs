@@ -18,7 +18,7 @@ use radiosity_core::{BandValues, Cost, Direction, Form, FormFactors, RowBuf, Sna
 use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand};
 use radiosity_geometry::Scene;
 
-use crate::{ErrorMeasure, Geometry, GridValues, Method, Run, RunError, Shape, Strategy, rows};
+use crate::{ErrorMeasure, Geometry, GridValues, Method, Run, RunError, Shape, Strategy, mend_dense, rows};
 
 /// A strategy's run and how wrong it is.
 pub struct Measured<'a> {
@@ -147,10 +147,14 @@ impl<'a> Yardstick<'a> {
         let form = strategy.shape.form();
         let rows = rows(geometry, strategy.method, form, strategy.seed)?;
         // On symmetric rows both directions are one system.
-        let turned = form == Form::Full && direction == Direction::Shoot && !rows.symmetric();
-        let key = format!("{:?} {form:?} {:?} {} {turned}", strategy.mesh, strategy.method, strategy.seed);
+        let (repair, seed) = (strategy.repair, strategy.seed);
+        let turned = form == Form::Full && direction == Direction::Shoot && !rows.symmetric() && !repair;
+        let key = format!("{:?} {form:?} {:?} {seed} {turned} {repair}", strategy.mesh, strategy.method);
         if self.last.as_ref().is_none_or(|(last, _)| *last != key) {
-            let (store, _) = DenseFormFactors::assemble(&*rows)?;
+            let (mut store, _) = DenseFormFactors::assemble(&*rows)?;
+            if repair {
+                store = mend_dense(store, &geometry.elements().areas(), geometry.scene().closed())?.0;
+            }
             self.last = Some((key.clone(), if turned { store.transposed() } else { store }));
         }
         if !self.exact.contains_key(&key) {

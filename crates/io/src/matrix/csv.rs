@@ -13,7 +13,7 @@ use crate::{WriteError, write_atomically};
 /// [`WriteError::NotFinite`] for a value that is no number, [`WriteError::File`] if the file cannot be written.
 pub fn write(path: &Path, matrix: MatrixView<'_>) -> Result<(), WriteError> {
     matrix.check(path)?;
-    write_atomically(path, |out| (0..matrix.rows()).try_for_each(|i| write_row(out, matrix.row(i))))
+    write_atomically(path, |out| matrix.try_for_each_row(|_, row| write_row(out, row)))
 }
 
 fn write_row(out: &mut dyn Write, row: &[f64]) -> std::io::Result<()> {

@@ -12,12 +12,24 @@ use std::path::Path;
 
 use crate::{ReadError, WriteError};
 
-/// A borrowed dense matrix, row after row.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A dense matrix to be written: borrowed as a whole, or given row by row, so that nobody needs to hold it for the file's sake.
+#[derive(Clone, Copy)]
 pub struct MatrixView<'a> {
     rows: usize,
     columns: usize,
-    values: &'a [f64],
+    values: Values<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    Whole(&'a [f64]),
+    Rows(&'a dyn Fn(usize, &mut [f64])),
+}
+
+impl std::fmt::Debug for MatrixView<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "MatrixView {{ {} × {} }}", self.rows, self.columns)
+    }
 }
 
 impl<'a> MatrixView<'a> {
@@ -28,7 +40,13 @@ impl<'a> MatrixView<'a> {
     /// If `values` does not hold `rows` · `columns` values.
     pub fn new(rows: usize, columns: usize, values: &'a [f64]) -> Self {
         assert_eq!(Some(values.len()), rows.checked_mul(columns), "values of a {rows} × {columns} matrix");
-        Self { rows, columns, values }
+        Self { rows, columns, values: Values::Whole(values) }
+    }
+
+    /// `rows` rows of `columns` values, of which `fill(i, row)` sets row i, which is 0 before. A row is asked for two or three times
+    /// while a file is written.
+    pub fn by_rows(rows: usize, columns: usize, fill: &'a dyn Fn(usize, &mut [f64])) -> Self {
+        Self { rows, columns, values: Values::Rows(fill) }
     }
 
     /// Number of rows.
@@ -41,27 +59,33 @@ impl<'a> MatrixView<'a> {
         self.columns
     }
 
-    /// Row `i`.
-    pub fn row(&self, i: usize) -> &'a [f64] {
-        &self.values[i * self.columns..(i + 1) * self.columns]
-    }
-
-    /// All values, row after row.
-    pub fn values(&self) -> &'a [f64] {
-        self.values
+    /// Calls `visit(i, row i)` for all rows in order, until one fails.
+    ///
+    /// # Errors
+    ///
+    /// What `visit` gives.
+    pub fn try_for_each_row<E>(&self, mut visit: impl FnMut(usize, &[f64]) -> Result<(), E>) -> Result<(), E> {
+        match self.values {
+            Values::Whole(values) => {
+                (0..self.rows).try_for_each(|i| visit(i, &values[i * self.columns..(i + 1) * self.columns]))
+            }
+            Values::Rows(fill) => {
+                let mut row = vec![0.0; self.columns];
+                (0..self.rows).try_for_each(|i| {
+                    row.fill(0.0);
+                    fill(i, &mut row);
+                    visit(i, &row)
+                })
+            }
+        }
     }
 
     /// Refuses values that no reader would take for a form factor.
     pub(crate) fn check(&self, path: &Path) -> Result<(), WriteError> {
-        match self.values.iter().position(|v| !v.is_finite()) {
-            Some(k) => Err(WriteError::NotFinite {
-                path: path.to_owned(),
-                row: k / self.columns,
-                column: k % self.columns,
-                value: self.values[k],
-            }),
+        self.try_for_each_row(|i, row| match row.iter().position(|v| !v.is_finite()) {
+            Some(column) => Err(WriteError::NotFinite { path: path.to_owned(), row: i, column, value: row[column] }),
             None => Ok(()),
-        }
+        })
     }
 }
 
@@ -152,13 +176,13 @@ pub struct MatrixError {
 }
 
 impl MatrixError {
-    fn new(line: usize, what: impl Into<String>) -> Self {
+    pub(crate) fn new(line: usize, what: impl Into<String>) -> Self {
         Self { line, what: what.into() }
     }
 }
 
 /// A finite number.
-fn number(word: &str, line: usize) -> Result<f64, MatrixError> {
+pub(crate) fn number(word: &str, line: usize) -> Result<f64, MatrixError> {
     match word.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         _ => Err(MatrixError::new(line, format!("'{}' is no finite number", crate::error::shown(word)))),
@@ -179,6 +203,11 @@ mod tests {
             let path = folder.0.join(name);
             write_matrix(&path, matrix.view()).unwrap();
             assert_eq!(read_matrix(&path).unwrap(), matrix, "{name}");
+            // Row by row the same bytes.
+            let whole = std::fs::read(&path).unwrap();
+            let fill = |i: usize, row: &mut [f64]| row.copy_from_slice(&matrix.values[3 * i..3 * i + 3]);
+            write_matrix(&path, MatrixView::by_rows(4, 3, &fill)).unwrap();
+            assert_eq!(std::fs::read(&path).unwrap(), whole, "{name}");
         }
     }
 

@@ -18,12 +18,16 @@ const LARGEST: usize = 1 << 30;
 /// [`WriteError::NotFinite`] for a value that is no number, [`WriteError::File`] if the file cannot be written.
 pub fn write(path: &Path, matrix: MatrixView<'_>) -> Result<(), WriteError> {
     matrix.check(path)?;
-    let entries = matrix.values().iter().filter(|v| **v != 0.0).count();
+    let mut entries = 0;
+    matrix.try_for_each_row(|_, row| {
+        entries += row.iter().filter(|v| **v != 0.0).count();
+        Ok::<(), WriteError>(())
+    })?;
     write_atomically(path, |out| {
         writeln!(out, "{BANNER}")?;
         writeln!(out, "% entry (i, j): fraction of the power leaving i that arrives directly at j")?;
         writeln!(out, "{} {} {entries}", matrix.rows(), matrix.columns())?;
-        (0..matrix.rows()).try_for_each(|i| write_row(out, i, matrix.row(i)))
+        matrix.try_for_each_row(|i, row| write_row(out, i, row))
     })
 }
 

@@ -25,7 +25,7 @@ pub fn write(path: &Path, matrix: MatrixView<'_>) -> Result<(), WriteError> {
         out.write_all(&[1, 0])?;
         out.write_all(&(header.len() as u16).to_le_bytes())?;
         out.write_all(header.as_bytes())?;
-        matrix.values().iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))
+        matrix.try_for_each_row(|_, row| row.iter().try_for_each(|v| out.write_all(&v.to_le_bytes())))
     })
 }
 

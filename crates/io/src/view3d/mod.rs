@@ -23,7 +23,7 @@
 //! Numbers need not be in sequence. Faces may be concave or not planar; they are split inside. Surface k of the scene is the k-th
 //! surface statement of any kind.
 //!
-//! **Output.** [`write_view3d`] writes View3D's text layout.
+//! **Output.** [`write_view3d`] writes View3D's text layout, [`read_view3d_factors`] reads it back.
 
 mod assemble;
 mod control;
@@ -42,7 +42,7 @@ use crate::obj::{Imported, ReadOptions};
 
 pub use control::Control;
 pub use fault::View3dFault;
-pub use output::{View3dFactors, write_view3d};
+pub use output::{SavedView3d, View3dFactors, read_view3d_factors, write_view3d};
 
 /// What a surface does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
