@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
-use radiosity::Method;
+use radiosity::{Method, Store};
 
 /// Radiosity: form factors, solutions, comparisons.
 #[derive(Debug, Parser)]
@@ -149,6 +149,37 @@ impl Estimator {
     }
 }
 
+/// Stores by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StoreName {
+    /// Every entry, 8 bytes each.
+    Dense,
+    /// Entries that are not zero, 12 bytes each.
+    Sparse,
+    /// Every pair once, 4 bytes an entry of the matrix; of symmetric form factors.
+    Packed,
+    /// Every pair once in single precision, 2 bytes an entry of the matrix; of symmetric form factors.
+    #[value(name = "packed-f32")]
+    PackedF32,
+    /// Rows computed whenever they are asked for; nothing is held.
+    OnDemand,
+    /// Rows computed when they are first asked for, and kept.
+    OnDemandKept,
+}
+
+impl From<StoreName> for Store {
+    fn from(name: StoreName) -> Self {
+        match name {
+            StoreName::Dense => Self::Dense,
+            StoreName::Sparse => Self::Sparse,
+            StoreName::Packed => Self::Packed,
+            StoreName::PackedF32 => Self::PackedSingle,
+            StoreName::OnDemand => Self::KeepNone,
+            StoreName::OnDemandKept => Self::KeepAll,
+        }
+    }
+}
+
 /// `radiosity form-factors`.
 #[derive(ClapArgs, Debug)]
 pub struct FormFactorsArgs {
@@ -164,6 +195,12 @@ pub struct FormFactorsArgs {
     /// Split each quadrilateral K × K and each triangle into K²; rows are the cells.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = count)]
     pub subdivide: u32,
+    /// Cut cells where surfaces touch or cross, as `solve` does: one row a line of its output, in the same order, 0 inside solids.
+    #[arg(long, conflicts_with = "from")]
+    pub contacts: bool,
+    /// Close the row sums of a closed scene by symmetric scaling; rows of rays or hemicubes are made symmetric first.
+    #[arg(long, conflicts_with = "from")]
+    pub repair: bool,
     /// File to write: .csv, .mtx or .npy, or .vf or .txt in the layout of View3D; F.csv.json beside it says what it holds.
     #[arg(long, short, required_unless_present = "from")]
     pub output: Option<PathBuf>,
@@ -238,6 +275,20 @@ pub struct SolveArgs {
     /// Unshot share of the emitted power at which the solver stops.
     #[arg(long, value_name = "ETA", default_value_t = 1e-9, value_parser = open_unit)]
     pub unshot: f64,
+    /// What is kept of the form factors; packed stores need the analytic method or symmetric saved form factors.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "dense")]
+    pub store: StoreName,
+    /// Close the row sums of a closed scene by symmetric scaling; rows of rays or hemicubes are made symmetric first.
+    #[arg(long)]
+    pub repair: bool,
+    /// Take form factors from this file (.csv, .mtx, .npy or .vf; row = from) as `form-factors --contacts` writes it, instead of
+    /// computing them; its .json beside it tells the subdivision, areas and bounds.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["method", "rays", "resolution", "samples", "element_size", "patch_subdivide", "tolerance"]
+    )]
+    pub form_factors: Option<PathBuf>,
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,

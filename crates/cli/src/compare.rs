@@ -29,9 +29,9 @@ const MOST_PAIRS: u64 = 4 << 20;
 fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
     let mut all = Vec::new();
     for method in METHODS {
-        for store in Store::ALL {
+        let pairwise = matches!(method, Method::Analytic { .. });
+        for store in Store::ALL.into_iter().chain(Store::SYMMETRIC) {
             for solver in radiosity_solvers::NAMES {
-                let pairwise = matches!(method, Method::Analytic { .. });
                 // Recomputed rows make sense for the one method that reads few of them.
                 let sensible = match store {
                     Store::Dense => true,

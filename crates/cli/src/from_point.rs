@@ -36,7 +36,7 @@ pub fn run(args: &FormFactorsArgs, from: &PointNormal, faces: &Faces, cells: &Ce
     let seconds = clock.elapsed().as_secs_f64();
     let sum: f64 = factors.iter().sum();
 
-    let mut object = rows_json(scene, cells, args.subdivide);
+    let mut object = rows_json(scene, &cells.labels, &cells.cells.areas()[..n], args.subdivide);
     object["scene"] = json!(args.common.scene.display().to_string());
     object["convention"] = json!("one row, from the point");
     object["from"] = json!({ "point": from.point.to_array(), "normal": from.normal.to_array() });

@@ -9,6 +9,7 @@ mod form_factors;
 mod from_point;
 mod inspect;
 mod output;
+mod saved;
 mod scene;
 mod sidecar;
 mod solve;

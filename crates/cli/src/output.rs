@@ -2,8 +2,9 @@
 
 use std::io::Write;
 
-use radiosity::{ErrorMeasure, Method, Phase};
+use radiosity::{ErrorMeasure, Method, Phase, Repair};
 use radiosity_core::Cost;
+use radiosity_form_factors::checks::{BlockedPairs, Checks};
 use radiosity_io::ImportReport;
 use serde_json::{Value, json};
 
@@ -50,6 +51,97 @@ pub fn method(method: Method) -> Value {
         Method::RayCast { rays } | Method::RaysAndEmitters { rays } => json!({ "name": method.name(), "rays": rays }),
         Method::Hemicube { resolution } => json!({ "name": method.name(), "resolution": resolution }),
     }
+}
+
+/// Names of rows and columns of a store in the file or table that is written.
+pub type Names<'a> = [&'a dyn Fn(usize) -> usize; 2];
+
+/// Checks as JSON.
+pub fn checks(checks: &Checks, blocked: Option<&BlockedPairs>, [row, column]: Names<'_>) -> Value {
+    let pair = |s: usize, t: usize| json!([row(s), column(t)]);
+    json!({
+        "row_sums": checks.row_sums.map(|r| json!({ "smallest": r.smallest, "largest": r.largest, "mean": r.mean })),
+        "worst_rows": checks.worst_rows.iter().map(|&(s, sum)| json!({ "row": row(s), "row_sum": sum })).collect::<Vec<_>>(),
+        "rows_above_1": checks.rows_above_one,
+        "closure": checks.closure.map(|(s, off)| json!({ "row": row(s), "row_sum_minus_1": off })),
+        "largest_row_sum": checks.largest_row_sum.map(|(s, sum)| json!({ "row": row(s), "row_sum": sum })),
+        "reciprocity": checks.reciprocity.map(|(s, t, error)| json!({ "pair": pair(s, t), "error": error })),
+        "largest_share_of_smaller_area": checks.largest_share.map(|(s, t, share)| json!({ "pair": pair(s, t), "share": share })),
+        "entries_above_area": checks.above_area,
+        "entries_above_1": checks.above_one,
+        "negative_entries": checks.negative,
+        "blocked": blocked.map(|b| json!({
+            "pairs_compared_with_unblocked": b.compared,
+            "smaller": b.reduced,
+            "larger": b.increased,
+            "largest_excess": b.largest_excess.map(|(s, t, excess)| json!({ "pair": pair(s, t), "excess": excess })),
+        })),
+    })
+}
+
+/// Checks for people: the worst rows by name, and what else is wrong.
+pub fn check_lines(
+    checks: &Checks,
+    blocked: Option<&BlockedPairs>,
+    closed: bool,
+    [row, column]: Names<'_>,
+) -> Vec<String> {
+    let deviation = |sum: f64| if closed { format!("1 {:+.1e}", sum - 1.0) } else { format!("{sum:.6}") };
+    let worst: Vec<String> =
+        checks.worst_rows.iter().map(|&(s, sum)| format!("{} ({})", row(s), deviation(sum))).collect();
+    let kind = if closed { "closed scene: rows farthest from 1" } else { "open scene: largest row sums" };
+    let mut lines = vec![format!("{kind}: {}", worst.join(", "))];
+    let mut wrong = format!(
+        "{} rows above 1, {} entries above the smaller area, {} above 1, {} below 0",
+        checks.rows_above_one, checks.above_area, checks.above_one, checks.negative
+    );
+    if let Some((s, t, error)) = checks.reciprocity {
+        wrong += &format!("; worst reciprocity error {error:.1e}");
+        if error > 0.0 {
+            wrong += &format!(", pair ({}, {})", row(s), column(t));
+        }
+    }
+    lines.push(wrong);
+    if let Some(b) = blocked {
+        let worst = b.largest_excess.filter(|_| b.increased > 0);
+        lines.push(format!(
+            "{} pairs compared with their unblocked values: {} smaller, {} larger{}",
+            b.compared,
+            b.reduced,
+            b.increased,
+            worst.map_or_else(String::new, |(s, t, e)| format!(", worst pair ({}, {}) by {e:.1e}", row(s), column(t)))
+        ));
+    }
+    lines
+}
+
+/// A repair as JSON.
+pub fn repair(repair: &Repair) -> Value {
+    let s = &repair.scaling;
+    json!({
+        "kind": "symmetric scaling",
+        "mean_of_both_directions_first": repair.symmetrised.is_some(),
+        "largest_reciprocity_error_before": repair.symmetrised,
+        "closure_before": s.closure_before,
+        "closure_after": s.closure_after,
+        "largest_relative_change": s.largest_relative_change,
+        "rms_relative_change": s.rms_relative_change,
+        "largest_change": s.largest_change,
+        "newton_steps": s.steps,
+        "seconds": repair.phase.time.as_secs_f64(),
+    })
+}
+
+/// A repair for people.
+pub fn repair_line(repair: &Repair) -> String {
+    let s = &repair.scaling;
+    let first = repair.symmetrised.map_or_else(String::new, |apart| {
+        format!("the mean of both directions taken, which differed by up to {apart:.1e}; ")
+    });
+    format!(
+        "repair: {first}row sums from within {:.1e} to within {:.1e} of 1; form factors change by up to {:.1e} of themselves (rms {:.1e}), by up to {:.1e} at most",
+        s.closure_before, s.closure_after, s.largest_relative_change, s.rms_relative_change, s.largest_change
+    )
 }
 
 /// An error as JSON.

@@ -1,27 +1,34 @@
 //! `radiosity solve`: radiosity and irradiance of every element or report cell.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use radiosity::{Geometry, GridValues, Run, Shape, Strategy, ToleranceStep};
-use radiosity::{default_method, predict, run as run_strategy, run_to_tolerance};
+use radiosity::{FittedRows, Geometry, GridValues, Method, Run, Shape, Strategy, ToleranceStep};
+use radiosity::{default_method, predict, run as run_strategy, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
+use radiosity_form_factors::Rows;
+use radiosity_form_factors::repair::RepairError;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
-use radiosity_io::{PlyFace, SolutionRow, write_ply, write_solution};
+use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
 use crate::args::{Estimator, MeshArgs, SolveArgs};
-use crate::{Failure, Verdict, output, scene};
+use crate::output::Names;
+use crate::saved::Saved;
+use crate::{Failure, Verdict, output, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
 const MOST_ELEMENTS: usize = 40_000;
+
+/// Cells along an edge of a face if nothing is asked for.
+const CELLS: u32 = 4;
 
 /// The mesh asked for; 4 × 4 elements a face if nothing is.
 pub fn mesh_settings(mesh: &MeshArgs) -> MeshSettings {
     let elements = match (mesh.subdivide, mesh.element_size) {
         (Some(k), _) => Subdivision::Uniform(k),
         (None, Some(size)) => Subdivision::EdgeLength(size),
-        (None, None) => Subdivision::Uniform(4),
+        (None, None) => Subdivision::Uniform(CELLS),
     };
     MeshSettings { elements, patches: mesh.patch_subdivide.map(Subdivision::Uniform), contacts: true }
 }
@@ -38,31 +45,39 @@ pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimat
     strategy
 }
 
+/// Form factors from a file, fitted to the mesh.
+struct FromFile {
+    path: PathBuf,
+    rows: FittedRows,
+    beside: Value,
+}
+
 /// Runs the command.
 pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
-    let target = args.output.as_deref();
-    if let Some(path) = target {
+    if let Some(path) = args.output.as_deref() {
         format_of(path)?;
     }
     let imported = scene::with_materials(&args.common)?;
     let scene = &imported.scene;
+    if args.repair && !scene.closed() {
+        return Err(RepairError::Open.into());
+    }
+    match &args.form_factors {
+        Some(path) => on_saved(args, &imported, path),
+        None => on_computed(args, &imported),
+    }
+}
+
+/// Computes form factors and solves.
+fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure> {
+    let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
     let geometry = Geometry::new(scene, &mesh)?;
     let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
-    strategy.unshot = args.unshot;
-    if let Some(solver) = &args.solver {
-        strategy.solver.clone_from(solver);
-        if solver == "shooting" && strategy.shape == Shape::ElementsToPatches {
-            strategy.shape = Shape::PatchesToElements;
-        } else if matches!(solver.as_str(), "direct" | "cg") && strategy.shape == Shape::ElementsToPatches {
-            strategy.shape = Shape::TwoLevel;
-        }
-    }
+    finish_strategy(&mut strategy, args);
     strategy.check()?;
     if args.common.dry_run {
-        let (object, line) = prediction(&geometry, &strategy);
-        output::print(&args.common, &object, &[line]);
-        return Ok(Verdict::Done);
+        return Ok(dry_run(args, &geometry, &strategy, None));
     }
     drop(geometry);
     let (run, refinement) = match args.tolerance {
@@ -73,12 +88,75 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
         }
         None => (run_strategy(scene, &strategy, &mut ())?, None),
     };
-    if let Some(path) = target {
-        write(path, &run, args.report_grid)?;
+    finish(args, imported, &strategy, None, &run, refinement)
+}
+
+/// Solves on form factors from a file.
+fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdict, Failure> {
+    let saved = saved::read(path)?;
+    // A file that knows its subdivision need not be told.
+    let k = args.mesh.subdivide.or(saved.subdivide()).unwrap_or(CELLS);
+    let Saved { form_factors, beside } = saved;
+    let mesh = MeshSettings { elements: Subdivision::Uniform(k), patches: None, contacts: true };
+    let geometry = Geometry::new(&imported.scene, &mesh)?;
+    let rows = form_factors.fit(&geometry).map_err(|error| {
+        let scene = args.common.scene.display();
+        format!(
+            "{}: {error}; `radiosity form-factors {scene} --subdivide {k} --contacts --output FILE` writes the matrix of this mesh",
+            path.display()
+        )
+    })?;
+    let solver = if rows.symmetric() { "cg" } else { "gauss-seidel" };
+    let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
+    let mut strategy = Strategy { solver: solver.to_owned(), seed: args.common.seed, ..plain };
+    finish_strategy(&mut strategy, args);
+    let file = FromFile { path: path.to_owned(), rows, beside };
+    if args.common.dry_run {
+        return Ok(dry_run(args, &geometry, &strategy, Some(&file)));
     }
-    let mut object = report(&strategy, &run);
+    let run = run_saved(geometry, &file.rows, &strategy, &mut ())?;
+    finish(args, imported, &strategy, Some(&file), &run, None)
+}
+
+/// Store, repair, stopping and solver as asked for.
+fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
+    (strategy.unshot, strategy.store, strategy.repair) = (args.unshot, args.store.into(), args.repair);
+    if args.repair && strategy.shape == Shape::Full {
+        // What is repaired is symmetric.
+        "cg".clone_into(&mut strategy.solver);
+    }
+    if let Some(solver) = &args.solver {
+        strategy.solver.clone_from(solver);
+        if solver == "shooting" && strategy.shape == Shape::ElementsToPatches {
+            strategy.shape = Shape::PatchesToElements;
+        } else if matches!(solver.as_str(), "direct" | "cg") && strategy.shape == Shape::ElementsToPatches {
+            strategy.shape = Shape::TwoLevel;
+        }
+    }
+}
+
+fn dry_run(args: &SolveArgs, geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>) -> Verdict {
+    let (object, line) = prediction(geometry, strategy, file);
+    output::print(&args.common, &object, &[line]);
+    Verdict::Done
+}
+
+/// Writes and reports.
+fn finish(
+    args: &SolveArgs,
+    imported: &Imported,
+    strategy: &Strategy,
+    file: Option<&FromFile>,
+    run: &Run<'_>,
+    refinement: Option<(Vec<ToleranceStep>, bool)>,
+) -> Result<Verdict, Failure> {
+    let target = args.output.as_deref();
+    if let Some(path) = target {
+        write(path, run, args.report_grid)?;
+    }
+    let mut object = report(strategy, file, run);
     object["scene"] = output::import(&imported.report);
-    let mut lines = summary(&strategy, &run);
+    let mut lines = summary(strategy, file, run);
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     if let Some((steps, met)) = refinement {
         object["refinement"] = refinement_json(&steps, met);
@@ -112,12 +190,46 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
     }
 }
 
-fn prediction(geometry: &Geometry<'_>, strategy: &Strategy) -> (Value, String) {
-    let p = predict(geometry, strategy);
+/// The estimator with its settings, or the file and what stands beside it.
+fn method(strategy: &Strategy, file: Option<&FromFile>) -> Value {
+    let Some(file) = file else { return output::method(strategy.method) };
+    json!({
+        "name": file.rows.name(),
+        "file": file.path.display().to_string(),
+        "symmetric": file.rows.symmetric(),
+        "largest_reciprocity_error": file.rows.apart(),
+        "made_by": file.beside["method"],
+        "tolerance": file.beside["tolerance"],
+        "repair": file.beside["repair"],
+    })
+}
+
+fn method_name(strategy: &Strategy, file: Option<&FromFile>) -> String {
+    match file {
+        Some(file) if file.rows.symmetric() => format!(
+            "{} (the mean of both directions, which differ by up to {:.1e})",
+            file.path.display(),
+            file.rows.apart()
+        ),
+        Some(file) => format!(
+            "{} (row by row: the two directions of a pair differ by up to {:.1e})",
+            file.path.display(),
+            file.rows.apart()
+        ),
+        None => strategy.method.name().to_owned(),
+    }
+}
+
+fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>) -> (Value, String) {
+    let mut p = predict(geometry, strategy);
+    if file.is_some() {
+        (p.form_factors, p.source_evaluations) = (0, 0);
+    }
     let object = json!({
         "dry_run": true,
         "elements": p.elements, "patches": p.patches,
-        "method": output::method(strategy.method), "solver": strategy.solver, "form": strategy.shape.name(),
+        "method": method(strategy, file), "store": strategy.store.name(), "solver": strategy.solver,
+        "form": strategy.shape.name(),
         "predicted": {
             "form_factors": p.form_factors, "source_evaluations": p.source_evaluations, "rays": p.rays,
             "hemicube_pixels": p.hemicube_pixels, "stored_bytes": p.stored_bytes,
@@ -128,7 +240,7 @@ fn prediction(geometry: &Geometry<'_>, strategy: &Strategy) -> (Value, String) {
         p.elements,
         p.patches,
         p.form_factors,
-        strategy.method.name(),
+        method_name(strategy, file),
         output::bytes(p.stored_bytes),
         strategy.solver
     );
@@ -145,14 +257,14 @@ fn power(run: &Run<'_>) -> (Vec<f64>, Vec<f64>) {
     ((0..e.count()).map(emitted).collect(), (0..e.count()).map(absorbed).collect())
 }
 
-fn report(strategy: &Strategy, run: &Run<'_>) -> Value {
+fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value {
     let (emitted, absorbed) = power(run);
     let s = &run.solution;
     json!({
         "elements": run.geometry.elements().len(),
         "patches": run.geometry.patches().len(),
         "covered_elements": run.geometry.mesh().elements.len() - run.geometry.elements().len(),
-        "method": output::method(strategy.method),
+        "method": method(strategy, file),
         "form": strategy.shape.name(),
         "store": strategy.store.name(),
         "solver": strategy.solver,
@@ -166,9 +278,25 @@ fn report(strategy: &Strategy, run: &Run<'_>) -> Value {
         "solve": { "seconds": s.time.as_secs_f64(), "counts": output::cost(&s.cost) },
         "verification": output::cost(&s.verification),
         "stored_bytes": run.stored_bytes,
-        "row_sums": run.row_sums.map(|r| json!({ "smallest": r.smallest, "largest": r.largest, "mean": r.mean })),
+        "closed": run.checked.as_ref().map(|c| c.closed),
+        "checks": run.checked.as_ref().map(|c| {
+            with_names(strategy, run, |names| output::checks(&c.checks, c.blocked.as_ref(), names))
+        }),
+        "seconds_checks": run.checked.as_ref().map(|c| c.time.as_secs_f64()),
+        "repair": run.repair.as_ref().map(output::repair),
         "power": { "emitted": emitted, "absorbed": absorbed },
     })
+}
+
+/// Calls `with` with the names of rows and columns: lines of the output (from 0) for elements, numbers for patches.
+fn with_names<T>(strategy: &Strategy, run: &Run<'_>, with: impl FnOnce(Names<'_>) -> T) -> T {
+    let element = |e: usize| run.geometry.exposed()[e] as usize;
+    let patch = |p: usize| p;
+    match strategy.shape {
+        Shape::Full => with([&element, &element]),
+        Shape::ElementsToPatches | Shape::TwoLevel => with([&element, &patch]),
+        Shape::PatchesToElements => with([&patch, &element]),
+    }
 }
 
 fn refinement_json(steps: &[ToleranceStep], met: bool) -> Value {
@@ -185,19 +313,25 @@ fn refinement_json(steps: &[ToleranceStep], met: bool) -> Value {
     json!({ "met": met, "steps": steps })
 }
 
-fn summary(strategy: &Strategy, run: &Run<'_>) -> Vec<String> {
+fn summary(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Vec<String> {
     let s = &run.solution;
     let (emitted, absorbed) = power(run);
     let (emitted, absorbed): (f64, f64) = (emitted.iter().sum(), absorbed.iter().sum());
-    vec![
-        format!(
-            "{} elements, {} patches; form factors by {} in {:.3} s, {}",
-            run.geometry.elements().len(),
-            run.geometry.patches().len(),
-            strategy.method.name(),
-            run.form_factors.time.as_secs_f64(),
-            output::bytes(run.stored_bytes)
-        ),
+    let mut lines = vec![format!(
+        "{} elements, {} patches; form factors by {} in {:.3} s, {}",
+        run.geometry.elements().len(),
+        run.geometry.patches().len(),
+        method_name(strategy, file),
+        run.form_factors.time.as_secs_f64(),
+        output::bytes(run.stored_bytes)
+    )];
+    lines.extend(run.repair.as_ref().map(output::repair_line));
+    if let Some(c) = &run.checked {
+        lines.extend(with_names(strategy, run, |names| {
+            output::check_lines(&c.checks, c.blocked.as_ref(), c.closed, names)
+        }));
+    }
+    lines.extend([
         format!(
             "{} ({}): {}, {} steps in {:.3} s, unshot {:.1e}{}",
             strategy.solver,
@@ -209,7 +343,8 @@ fn summary(strategy: &Strategy, run: &Run<'_>) -> Vec<String> {
             s.bound.map_or_else(|| ", no bound".to_owned(), |b| format!(", error of the solver at most {b:.1e}")),
         ),
         format!("power emitted {emitted:.6e}, absorbed {absorbed:.6e} (the rest leaves an open scene)"),
-    ]
+    ]);
+    lines
 }
 
 /// The band a column shows: of one band all three columns show it; further bands than three are not written.
