@@ -1,9 +1,10 @@
 //! Row-wise estimators: closed scenes, closed forms, observed order, invariance.
 
 use glam::{DMat3, DQuat, DVec3};
+use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::hemicube::{Hemicube, HemicubeError};
 use radiosity_form_factors::ray_cast::RayCast;
-use radiosity_form_factors::{Receivers, Rows};
+use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders, Polygon};
 
 /// The inside of a box a × b × c, each face k × k, mapped by `map`.
@@ -135,6 +136,79 @@ fn turning_moving_and_scaling_change_no_row_beyond_rounding() {
     }
 }
 
+/// Rows of the unit cube with faces of 4 × 4, exact to 1e-10.
+fn exact_rows(facets: &Facets) -> Vec<Vec<f64>> {
+    rows(&PairwiseRows::new(Analytic::new(None), facets, facets, 1e-10, 1))
+}
+
+/// The bound of a row is for its worst entry at 99.73 %, so it covers more than 99 % of all entries; a median that is 10 × the
+/// largest error of its row would be of no use. In a row of 80 entries that largest error is some 2.5 σ, the bound 4.5 σ or more.
+#[test]
+fn bounds_from_replicates_cover_the_error_and_are_no_more_than_10_times_too_large() {
+    let facets = room(DVec3::ONE, 4, turned);
+    let (occluders, exact) = (Occluders::of_facets(&facets), exact_rows(&facets));
+    for rays in [40, 100, 1024, 4096] {
+        let (mut covered, mut entries, mut ratios) = (0, 0, Vec::new());
+        for seed in 0..4 {
+            let estimator = RayCast::new(&facets, Receivers::facets(&facets), &occluders, rays, seed);
+            for (s, exact) in exact.iter().enumerate() {
+                let mut row = vec![0.0; facets.len()];
+                let (_, bound) = estimator.row(s, &mut row).unwrap();
+                let errors: Vec<f64> = row.iter().zip(exact).map(|(f, e)| (f - e).abs()).collect();
+                covered += errors.iter().filter(|&&error| error <= bound).count();
+                entries += errors.len();
+                ratios.push(bound / errors.iter().copied().fold(0.0, f64::max));
+            }
+        }
+        ratios.sort_unstable_by(f64::total_cmp);
+        let (share, median) = (covered as f64 / entries as f64, ratios[ratios.len() / 2]);
+        assert!(share >= 0.99, "{rays} rays: {share} of the entries within the bound");
+        assert!(median <= 10.0, "{rays} rays: a median bound is {median} times the largest error");
+    }
+}
+
+/// Over 96 rows the mean of Σ (F − exact)² is the square of the standard error asked for at most, since rays come in
+/// doubling numbers; stopping early where the estimate happens to be low leaves at most a few percent more.
+#[test]
+fn adaptive_rows_reach_their_standard_error_with_no_more_rays_than_needed() {
+    let facets = room(DVec3::ONE, 4, turned);
+    let (occluders, exact) = (Occluders::of_facets(&facets), exact_rows(&facets));
+    let plain = RayCast::new(&facets, Receivers::facets(&facets), &occluders, 1 << 16, 3);
+    let mut spent = Vec::new();
+    for asked in [0.04, 0.02, 0.01] {
+        let (mut squares, mut rays) = (0.0, 0);
+        for (s, exact) in exact.iter().enumerate() {
+            let mut row = vec![0.0; facets.len()];
+            let (cost, _) = plain.until(asked).row(s, &mut row).unwrap();
+            squares += row.iter().zip(exact).map(|(f, e)| ((f - e) / facets.area(s)).powi(2)).sum::<f64>();
+            rays += cost.rays;
+        }
+        let error = (squares / exact.len() as f64).sqrt();
+        assert!(error < 1.05 * asked && error > 0.4 * asked, "{error} where {asked} was asked");
+        spent.push(rays as f64 / exact.len() as f64);
+    }
+    // Independent rays would take Σ F(1 − F)/N = σ², about 0.97/σ² rays: 606, 2425, 9700.
+    assert!(spent[0] < 606.0 && spent[1] < 2425.0 && spent[2] < 9700.0, "{spent:?} rays a row");
+}
+
+#[test]
+fn the_most_rays_bound_an_adaptive_row_and_threads_change_nothing() {
+    let facets = room(DVec3::new(3.0, 4.0, 5.0), 3, turned);
+    let occluders = Occluders::of_facets(&facets);
+    let estimator = |rays| RayCast::new(&facets, Receivers::facets(&facets), &occluders, rays, 5);
+    let mut row = vec![0.0; facets.len()];
+    for most in [1, 63, 64, 1000] {
+        assert_eq!(estimator(most).until(1e-6).row(7, &mut row).unwrap().0.rays, u64::from(most));
+        let (adaptive, fixed) = (row.clone(), rows(&estimator(most)));
+        assert_eq!(adaptive, fixed[7], "the same rays, whether they came at once or not");
+    }
+    let all = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| (rows(&estimator(20_000)), rows(&estimator(20_000).until(0.01))))
+    };
+    assert!(all(1) == all(3));
+}
+
 #[test]
 fn grouped_receivers_sum_their_members() {
     let facets = room(DVec3::new(3.0, 4.0, 5.0), 2, |p| p);
@@ -158,8 +232,6 @@ fn odd_resolutions_are_refused() {
 /// The entry towards the light is that of the pair (both sums round to 1e-16 of the row), whatever the rays met.
 #[test]
 fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
-    use radiosity_form_factors::PairwiseRows;
-    use radiosity_form_factors::analytic::Analytic;
     use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 
     let facets = room(DVec3::new(3.0, 4.0, 5.0), 3, turned);

@@ -209,6 +209,56 @@ fn no_polygon_and_one_polygon_work() {
     assert_eq!(found, [0]);
 }
 
+/// Eight lanes decide nothing: every hit is the same to the bit, singly and in a batch.
+#[test]
+fn every_instruction_set_gives_the_same_hits() {
+    let mut occluders = Occluders::of_facets(&elements(&scene_of(&cornell_box()), 6));
+    let mut random = Random(7);
+    let (lo, hi) = (DVec3::splat(1.0), DVec3::splat(545.0));
+    let rays: Vec<(DVec3, DVec3)> = (0..5000).map(|_| (random.point(lo, hi), random.point(lo, hi))).collect();
+    let directions: Vec<(DVec3, DVec3)> = rays.iter().map(|&(p, q)| (p, q - p)).collect();
+    let mut answers = Vec::new();
+    for level in Level::all() {
+        occluders.level = level;
+        let (mut hits, mut blocked) = (vec![None; rays.len()], vec![false; rays.len()]);
+        occluders.first_hits(&directions, &mut hits);
+        occluders.occluded_many(&rays, &mut blocked);
+        for (k, &(p, q)) in rays.iter().enumerate() {
+            assert_eq!((hits[k], blocked[k]), (occluders.first_hit(p, q - p), occluders.occluded(p, q)), "{level:?}");
+        }
+        answers.push((hits, blocked));
+    }
+    assert!(answers.iter().all(|answer| *answer == answers[0]));
+    assert!(answers[0].1.iter().filter(|&&blocked| blocked).count() > 1000);
+}
+
+/// Squares that halve in size 100 times towards a corner, of which a hierarchy is as deep as it gets, and a heptagon behind them.
+/// Each square is met by the ray at its own middle, and the heptagon by rays that pass beside them all.
+#[test]
+fn deep_hierarchies_and_polygons_of_many_corners_are_found() {
+    let square = |k: i32| {
+        let corner = |x: f64, y: f64| DVec3::new(1.0 + x, 1.0 + y, 1.0) * 0.5_f64.powi(k + 1);
+        Polygon::new(&[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]).unwrap()
+    };
+    let heptagon: Vec<DVec3> = (0..7)
+        .map(|k| {
+            let (sin, cos) = (f64::from(k) / 7.0 * std::f64::consts::TAU).sin_cos();
+            DVec3::new(4.0 * cos, 4.0 * sin, 1.0)
+        })
+        .collect();
+    let mut polygons: Vec<Polygon> = (0..100).map(square).collect();
+    polygons.push(Polygon::new(&heptagon).unwrap());
+    let occluders = Occluders::new(polygons, (0..101).collect());
+    for k in 0..100 {
+        let middle = DVec3::new(1.5, 1.5, 0.0) * 0.5_f64.powi(k + 1) - DVec3::Z;
+        assert_eq!(occluders.first_hit(middle, DVec3::Z).map(|hit| hit.owner), Some(k as u32), "square {k}");
+        let beside = DVec3::new(-f64::from(k) / 30.0, 0.1, -1.0);
+        assert_eq!(occluders.first_hit(beside, DVec3::Z).map(|hit| hit.owner), Some(100));
+        assert!(occluders.occluded(beside, beside + DVec3::Z * 3.0));
+    }
+    assert!(occluders.first_hit(DVec3::new(-3.9, 1.6, -1.0), DVec3::Z).is_none(), "outside an edge of the heptagon");
+}
+
 #[test]
 fn overlapping_finds_what_every_box_test_finds() {
     let occluders = Occluders::of_facets(&elements(&scene_of(&cornell_box()), 5));
