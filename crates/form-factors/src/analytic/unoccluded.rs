@@ -18,8 +18,8 @@ const RELATIVE: f64 = 1e3;
 const LEAST: f64 = 4e-14;
 /// Bounds of the rounding, as a share of the smaller area and of the value, up to which the contour rule is kept whatever the
 /// tolerance: the error itself is a hundredth.
-const FINE: f64 = 1e-12;
-const FINE_RELATIVE: f64 = 1e-8;
+const FINE: f64 = 1e-11;
+const FINE_RELATIVE: f64 = 1e-7;
 
 /// A_i F_ij of two convex polygons, as if nothing lay between them.
 ///
