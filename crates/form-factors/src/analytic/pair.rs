@@ -3,10 +3,10 @@
 use glam::DVec3;
 use radiosity_geometry::Polygon;
 
-/// Two convex loops, each wholly in front of the other's plane, relative to a vertex of the first polygon.
+/// Two convex loops, each wholly in front of the other's plane, relative to a vertex of the smaller polygon.
 ///
 /// Differences of input coordinates carry no rounding of their own where the polygons are near each other, so a pair
-/// far from the origin keeps all the digits that its rounded coordinates hold.
+/// far from the origin keeps all the digits that its rounded coordinates hold, and a sliver those of its width.
 #[derive(Clone, Debug)]
 pub(super) struct FacingPair {
     /// What to add to get scene coordinates back.
@@ -24,6 +24,8 @@ pub(super) struct FacingPair {
     /// Distance by which corners may miss the planes used (through one corner, hence twice the thickness): rounding of
     /// coordinates far from the origin.
     pub thickness: f64,
+    /// Depth below the other's plane of corners that count as on it.
+    pub depth: f64,
 }
 
 impl FacingPair {
@@ -40,9 +42,10 @@ impl FacingPair {
         if !(above(i.vertices(), p_j, n_j) && above(j.vertices(), p_i, n_i)) {
             return None;
         }
-        let i = clip(i.vertices(), p_i, p_j, n_j, slack)?;
-        let j = clip(j.vertices(), p_i, p_i, n_i, slack)?;
-        Some(Self { origin: p_i, i, j, n_i, n_j, slack, thickness })
+        let origin = if i.area() <= j.area() { p_i } else { p_j };
+        let (i, depth_i) = clip(i.vertices(), origin, p_j, n_j, slack)?;
+        let (j, depth_j) = clip(j.vertices(), origin, p_i, n_i, slack)?;
+        Some(Self { origin, i, j, n_i, n_j, slack, thickness, depth: depth_i.max(depth_j) })
     }
 }
 
@@ -51,11 +54,17 @@ pub(super) fn rounding(vertices: &[DVec3]) -> f64 {
     8.0 * f64::EPSILON * vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
 }
 
-/// The part of a loop in front of the plane (point, normal), relative to `origin`.
-fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f64) -> Option<Vec<DVec3>> {
-    let height = |v: DVec3| {
+/// The part of a loop in front of the plane (point, normal), relative to `origin`, and how far below the plane what counts as
+/// on it reaches.
+fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f64) -> Option<(Vec<DVec3>, f64)> {
+    let mut depth = 0.0_f64;
+    let mut height = |v: DVec3| {
         let h = (v - point).dot(normal);
-        if h.abs() <= slack { 0.0 } else { h }
+        if h.abs() > slack {
+            return h;
+        }
+        depth = depth.max(-h);
+        0.0
     };
     let mut kept: Vec<DVec3> = Vec::with_capacity(vertices.len() + 1);
     let mut push = |v: DVec3| {
@@ -81,7 +90,7 @@ fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f
     while kept.len() > 1 && kept[0].distance_squared(kept[kept.len() - 1]) <= slack * slack {
         kept.pop();
     }
-    (kept.len() >= 3).then_some(kept)
+    (kept.len() >= 3).then_some((kept, depth))
 }
 
 #[cfg(test)]
