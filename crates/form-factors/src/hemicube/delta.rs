@@ -8,13 +8,14 @@
 //! side:  S(x, y) = 1/(2π) · [ atan x − 1/√(1+y²) · atan(x/√(1+y²)) ]      y = height over the surface
 //! ```
 //!
-//! and a pixel is a difference of four corners. The corners telescope, so that all pixels sum to 1 to rounding.
+//! and a pixel is a difference of four corners. The tables hold what lies left of each pixel in its row, so that a run of
+//! pixels is one difference; everything telescopes, and all pixels sum to 1 to rounding.
 
 use std::f64::consts::TAU;
 
-/// Delta form factors of one resolution: `face(0)` is the top, `face(1)` to `face(4)` the sides, from the surface up.
+/// Delta form factors of one resolution, summed along rows: face 0 is the top, 1 to 4 are the sides, from the surface up.
 #[derive(Clone, Debug)]
-pub struct DeltaFormFactors {
+pub(super) struct DeltaFormFactors {
     resolution: usize,
     top: Vec<f64>,
     side: Vec<f64>,
@@ -35,13 +36,12 @@ impl DeltaFormFactors {
     pub fn new(resolution: usize) -> Self {
         let at = |k: usize| 2.0 * k as f64 / resolution as f64 - 1.0;
         let table = |corner: fn(f64, f64) -> f64, first_row: usize| -> Vec<f64> {
-            let pixels = (first_row..resolution).flat_map(|j| (0..resolution).map(move |i| (i, j)));
-            pixels
-                .map(|(i, j)| {
-                    let (x0, x1, y0, y1) = (at(i), at(i + 1), at(j), at(j + 1));
-                    (corner(x1, y1) - corner(x0, y1)) - (corner(x1, y0) - corner(x0, y0))
-                })
-                .collect()
+            let sums = |j: usize| {
+                let (y0, y1) = (at(j), at(j + 1));
+                let begin = corner(-1.0, y1) - corner(-1.0, y0);
+                (0..=resolution).map(move |i| (corner(at(i), y1) - corner(at(i), y0)) - begin)
+            };
+            (first_row..resolution).flat_map(sums).collect()
         };
         Self { resolution, top: table(top_corner, 0), side: table(side_corner, resolution / 2) }
     }
@@ -51,14 +51,16 @@ impl DeltaFormFactors {
         self.resolution
     }
 
-    /// Delta form factors of a face, row after row.
-    pub fn face(&self, face: usize) -> &[f64] {
-        if face == 0 { &self.top } else { &self.side }
+    /// Row `row` of a face: value k is the form factor to its first k pixels.
+    #[inline(always)]
+    pub fn row(&self, face: usize, row: usize) -> &[f64] {
+        let table = if face == 0 { &self.top } else { &self.side };
+        &table[row * (self.resolution + 1)..][..self.resolution + 1]
     }
 
-    /// The largest one: a pixel at the middle of the top.
-    pub fn largest(&self) -> f64 {
-        self.top.iter().copied().fold(0.0, f64::max)
+    /// Rows of a face.
+    pub fn rows(&self, face: usize) -> usize {
+        if face == 0 { self.resolution } else { self.resolution / 2 }
     }
 }
 
@@ -71,7 +73,8 @@ mod tests {
     fn delta_form_factors_sum_to_one() {
         for resolution in [2, 6, 50, 256] {
             let delta = DeltaFormFactors::new(resolution);
-            let sum: f64 = (0..5).flat_map(|face| delta.face(face)).sum();
+            let rows = (0..5).flat_map(|face| (0..delta.rows(face)).map(move |row| (face, row)));
+            let sum: f64 = rows.map(|(face, row)| delta.row(face, row)[resolution]).sum();
             assert!((sum - 1.0).abs() < 1e-12, "resolution {resolution}: {sum}");
         }
     }
@@ -83,10 +86,11 @@ mod tests {
         let delta = DeltaFormFactors::new(n);
         let at = |k: usize| (k as f64 + 0.5) * pixel - 1.0;
         let (i, j) = (31, 120);
+        let found = |face: usize, row: usize| delta.row(face, row)[i + 1] - delta.row(face, row)[i];
         let top = pixel * pixel * 2.0 / TAU / (at(i).powi(2) + at(j).powi(2) + 1.0).powi(2);
-        assert!((delta.face(0)[j * n + i] / top - 1.0).abs() < 1e-3);
+        assert!((found(0, j) / top - 1.0).abs() < 1e-3);
         let z = at(j);
         let side = pixel * pixel * 2.0 / TAU * z / (at(i).powi(2) + z * z + 1.0).powi(2);
-        assert!((delta.face(3)[(j - n / 2) * n + i] / side - 1.0).abs() < 1e-3);
+        assert!((found(3, j - n / 2) / side - 1.0).abs() < 1e-3);
     }
 }

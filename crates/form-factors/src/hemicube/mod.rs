@@ -5,35 +5,67 @@
 //! ```
 //!
 //! ΔF_q is the exact form factor from the centre to the pixel's rectangle (see `delta`), so that the ΔF sum to 1
-//! without normalising; `raster` decides which polygon each pixel shows. Three assumptions cost accuracy (Baum,
-//! Rushmeier, Winget 1989): the sender is a point (wrong for receivers nearer than about five times its diameter),
-//! visibility is that of the centre, and a receiver is resolved to whole pixels (aliasing, error of about one ΔF a
-//! border pixel, so ∝ 1/resolution). Each source's hemicube is turned about its normal by an angle of its own, so that
-//! no pixel centre lies on an edge by symmetry and aliasing differs between sources.
+//! without normalising. Polygons are sorted into `clusters` once; `view` turns what can be seen into the source's frame, and
+//! `raster` decides which polygon each pixel shows.
 //!
-//! What is *not* here: several centres a sender chosen by proximity, and an analytic rule for near receivers.
+//! Three assumptions cost accuracy (Baum, Rushmeier, Winget 1989):
+//!
+//! - **Aliasing.** A receiver is resolved to whole pixels: an error of half a ΔF a border pixel. Each source's hemicube is
+//!   turned about its normal by an angle of its own, which makes noise of it.
+//! - **Proximity.** The sender is a point, which is wrong for receivers nearer than about five times its diameter.
+//! - **Visibility** is that of the centre. Nothing here estimates or mends that.
+//!
+//! The first two are estimated for every entry (see `estimate`). Where proximity is the larger, and for receivers of few
+//! pixels or none, the pixels say only what share of the receiver is seen, and `near` multiplies the analytic factor of
+//! the pair with it:
+//!
+//! ```text
+//! A_s F_st = A_s F_st (unoccluded) · Σ_{pixels that show t} ΔF / Σ_{pixels that t covers} ΔF
+//! ```
+//!
+//! So receivers that are wholly seen have no error but the rule's tolerance of 1e-8. In a closed scene the other entries
+//! are scaled so that the row sums to A_s as before; in an open one the row's sum changes with its entries.
+//!
+//! Rows have the same bytes on any number of threads and every instruction set.
 
+mod clusters;
 mod delta;
+mod estimate;
+mod near;
 mod raster;
+mod solids;
+mod view;
 
 use std::f64::consts::TAU;
+use std::sync::Mutex;
 
+use pulp::Arch;
 use radiosity_core::{Cost, StoreError};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
 use crate::row_wise::Receivers;
 use crate::rows::{Rows, mix};
+use clusters::Clusters;
 use delta::DeltaFormFactors;
-use raster::{Eye, Item};
+use near::Entry;
+use raster::{BACK, Canvas, Draw, EMPTY, FIRST, Shown};
+use view::{Frame, Look, View};
 
 /// Hemicube rows from facets to facets; several polygons of one source take a hemicube each, weighted by area.
-#[derive(Clone)]
 pub struct Hemicube<'a> {
     sources: &'a Facets,
     receivers: Receivers<'a>,
+    /// Polygons of all receivers, with the target of each.
+    polygons: Vec<(&'a Polygon, Option<u32>)>,
+    clusters: Clusters,
     delta: DeltaFormFactors,
+    centres: Vec<f64>,
     seed: u64,
+    arch: Arch,
+    exact_near: bool,
+    canvases: Spare<Canvas>,
+    scratch: Spare<Scratch>,
 }
 
 /// Why a hemicube cannot be set up.
@@ -59,6 +91,30 @@ pub struct PixelCount {
     pub empty: u64,
 }
 
+/// Buffers that are used again: one each for as many as work at once.
+struct Spare<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Spare<T> {
+    fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let stack = || self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut buffer = stack().pop().unwrap_or_default();
+        let result = work(&mut buffer);
+        stack().push(buffer);
+        result
+    }
+}
+
+/// What one hemicube needs while it is made.
+#[derive(Default)]
+struct Scratch {
+    view: View,
+    /// What each face shows: empty pixels, backs, then its polygons.
+    faces: [Vec<Shown>; 5],
+    /// What all faces show of every polygon of the view.
+    shown: Vec<Shown>,
+    entries: Vec<Entry>,
+}
+
 impl<'a> Hemicube<'a> {
     /// Hemicubes of `resolution` × `resolution` pixels on the top face and half of that on each side.
     ///
@@ -74,30 +130,99 @@ impl<'a> Hemicube<'a> {
         if !resolution.is_multiple_of(2) || !(2..=4096).contains(&resolution) {
             return Err(HemicubeError::Resolution { resolution });
         }
-        Ok(Self { sources, receivers, delta: DeltaFormFactors::new(resolution as usize), seed })
+        let target = |k: usize| receivers.target(k).map(|target| target as u32);
+        let polygons: Vec<_> = receivers.all().iter_polygons().map(|(k, polygon)| (polygon, target(k))).collect();
+        Ok(Self {
+            sources,
+            receivers,
+            clusters: Clusters::new(&polygons.iter().map(|(polygon, _)| *polygon).collect::<Vec<_>>()),
+            polygons,
+            delta: DeltaFormFactors::new(resolution as usize),
+            centres: raster::centres(resolution as usize),
+            seed,
+            arch: Arch::new(),
+            exact_near: true,
+            canvases: Spare(Mutex::default()),
+            scratch: Spare(Mutex::default()),
+        })
+    }
+
+    /// Whether targets that a hemicube is no good for get their analytic factor (see the module); they do by default.
+    #[must_use]
+    pub fn exact_near(self, exact_near: bool) -> Self {
+        Self { exact_near, ..self }
+    }
+
+    /// Compiled for `arch` instead of the best instruction set of the machine. No bit of any row depends on it.
+    #[must_use]
+    pub fn on(self, arch: Arch) -> Self {
+        Self { arch, ..self }
     }
 
     /// What the hemicubes of source `s` show.
     pub fn pixels(&self, s: usize) -> PixelCount {
         let mut count = PixelCount::default();
         for polygon in self.sources.polygons(s) {
-            let eye = self.eye(s, polygon);
-            for face in 0..5 {
-                for item in raster::draw(&eye, self.receivers.all(), face, self.delta.resolution()) {
-                    match item {
-                        Item::Front(_) => count.front += 1,
-                        Item::Back => count.back += 1,
-                        Item::Empty => count.empty += 1,
-                    }
+            self.scratch.with(|scratch| {
+                self.draw(&self.frame(s, polygon), scratch);
+                for face in &scratch.faces {
+                    count.empty += face[EMPTY].pixels;
+                    count.back += face[BACK].pixels;
+                    count.front += face[FIRST..].iter().map(|shown| shown.pixels).sum::<u64>();
                 }
-            }
+            });
         }
         count
     }
 
-    fn eye(&self, s: usize, polygon: &Polygon) -> Eye {
+    /// Row `s` as [`Rows::row`] gives it, with an estimate of the error of every entry in `bounds`.
+    ///
+    /// # Panics
+    ///
+    /// If `values` or `bounds` has not one place for every target.
+    pub fn row_with_bounds(&self, s: usize, values: &mut [f64], bounds: &mut [f64]) -> Cost {
+        assert_eq!((values.len(), bounds.len()), (self.targets(), self.targets()), "row: lengths");
+        values.fill(0.0);
+        bounds.fill(0.0);
+        if self.sources.covered(s) {
+            return Cost::default();
+        }
+        let mut cost = Cost { form_factors: values.len() as u64, source_evaluations: 1, ..Cost::default() };
+        for polygon in self.sources.polygons(s) {
+            let frame = self.frame(s, polygon);
+            self.scratch.with(|scratch| {
+                self.draw(&frame, scratch);
+                cost += self.entries(polygon, &frame, scratch);
+                for entry in &scratch.entries {
+                    values[entry.target as usize] += entry.value;
+                    bounds[entry.target as usize] += entry.bound;
+                }
+            });
+            cost.hemicube_pixels += 3 * (self.delta.resolution() as u64).pow(2);
+        }
+        cost
+    }
+
+    fn frame(&self, s: usize, polygon: &Polygon) -> Frame {
         let turn = TAU * (mix(self.seed ^ s as u64) >> 11) as f64 / (1_u64 << 53) as f64;
-        Eye::new(polygon, turn, self.receivers.all())
+        Frame::new(polygon, turn)
+    }
+
+    /// Draws the five faces from `frame` and puts together what they show.
+    fn draw(&self, frame: &Frame, scratch: &mut Scratch) {
+        let Scratch { view, faces, shown, .. } = scratch;
+        self.arch.dispatch(Look { view, frame, clusters: &self.clusters });
+        let (view, delta, centres) = (&*view, &self.delta, &self.centres[..]);
+        faces.par_iter_mut().enumerate().for_each(|(face, shown)| {
+            self.canvases.with(|canvas| {
+                self.arch.dispatch(Draw { view, face, delta, centres, canvas, shown, glimpse: self.exact_near });
+            });
+        });
+        shown.clear();
+        shown.resize(view.seen.len(), Shown::default());
+        for (face, of_face) in view.faces.iter().zip(faces) {
+            face.iter().zip(&of_face[FIRST..]).for_each(|(&k, more)| shown[k as usize].add(more));
+        }
     }
 }
 
@@ -119,31 +244,8 @@ impl Rows for Hemicube<'_> {
     }
 
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        assert_eq!(values.len(), self.targets(), "row: length");
-        values.fill(0.0);
-        if self.sources.covered(s) {
-            return Ok((Cost::default(), 0.0));
-        }
-        let resolution = self.delta.resolution();
-        let mut cost = Cost { form_factors: values.len() as u64, source_evaluations: 1, ..Cost::default() };
-        let mut bound = 0.0;
-        for polygon in self.sources.polygons(s) {
-            let eye = self.eye(s, polygon);
-            let faces: Vec<Vec<Item>> =
-                (0..5).into_par_iter().map(|face| raster::draw(&eye, self.receivers.all(), face, resolution)).collect();
-            for (face, items) in faces.iter().enumerate() {
-                for (item, delta) in items.iter().zip(self.delta.face(face)) {
-                    let target = if let Item::Front(k) = *item { self.receivers.target(k as usize) } else { None };
-                    if let Some(target) = target {
-                        values[target] += polygon.area() * delta;
-                    }
-                }
-                cost.hemicube_pixels += items.len() as u64;
-            }
-            // A target as wide as a face has about 4 · resolution border pixels, each wrong by half its ΔF; errors of
-            // either sign add like a random walk.
-            bound += polygon.area() * self.delta.largest() * (resolution as f64).sqrt();
-        }
-        Ok((cost, bound))
+        let mut bounds = vec![0.0; values.len()];
+        let cost = self.row_with_bounds(s, values, &mut bounds);
+        Ok((cost, bounds.into_iter().fold(0.0, f64::max)))
     }
 }

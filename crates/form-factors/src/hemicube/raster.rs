@@ -1,207 +1,321 @@
 //! Item buffers: which polygon each pixel of a hemicube face shows.
 //!
-//! A pixel centre is a direction d = forward + x·right + y·up from the eye. A polygon with vertices a, b, … as seen from
+//! A pixel centre is a direction d = forward + x·right + y·up from the eye. A polygon with corners a, b, … as seen from
 //! the eye covers d when every edge function (a × b)·d has the sign of the polygon's side; this is the homogeneous
 //! test of Olano and Greer (1997): linear in x and y, with no division by a depth, so that polygons that reach behind
-//! the eye need no clipping to be drawn right. Clipping to the face's pyramid only finds the pixel rows and columns
-//! worth testing. Neighbours compute a × b from the same ordered end points, so no pixel slips between them.
-//! Depth is 1/t = (n·d)/(n·a), also linear.
+//! the eye need no clipping. In a row of pixels each edge leaves a half line of x, and a convex polygon one run. Neighbours
+//! find the end of their runs from the same edge function by operations that keep order, so no pixel slips between them.
+//!
+//! Depth is 1/t = (n·d)/(n·a), also linear. Depth and item share one word: the depth's leading bits above the number of
+//! the item. The nearer of two is then the larger word, so that a run is drawn by `max` alone, on any number of lanes, and
+//! neither the order of drawing nor the instruction set changes a bit of the result.
 
-use glam::DVec3;
-use radiosity_geometry::{Facets, Polygon};
+use pulp::{Simd, WithSimd};
 
-/// What a pixel shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Item {
-    /// Nothing.
-    Empty,
-    /// The back of some polygon.
-    Back,
-    /// The front of a facet.
-    Front(u32),
+use super::delta::DeltaFormFactors;
+use super::view::{Seen, View, on_face};
+
+/// Bits of a word that hold the item: at least so many, and more where a face has more polygons.
+///
+/// The 32 bits of the depth that are left tell depths apart to 2⁻³²; what is closer is the same surface.
+const ITEM_BITS: u32 = 20;
+/// Backs are set behind the fronts of the same sheet by this share of their depth.
+const BEHIND: f64 = 1.0 - 1.0 / (1 << 30) as f64;
+/// Item of pixels that show nothing.
+pub(super) const EMPTY: usize = 0;
+/// Item of pixels that show the back of something.
+pub(super) const BACK: usize = 1;
+/// Item of the first polygon of a face.
+pub(super) const FIRST: usize = 2;
+
+/// What the pixels of one or more faces show of an item.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Shown {
+    /// Σ ΔF over the pixels that show it.
+    pub factor: f64,
+    /// Pixels that show it.
+    pub pixels: u64,
+    /// Runs of pixels in a row that show it.
+    pub runs: u64,
+    /// Σ ΔF² over the first and the last pixel of the runs.
+    pub ends: f64,
+    /// Σ ΔF over the pixels that would show it if nothing were before it.
+    pub whole: f64,
+    /// Number of these pixels.
+    pub whole_pixels: u64,
+    /// Of a polygon between pixel centres: whether nothing lies before it where its centre is.
+    pub glimpsed: bool,
 }
 
-/// A polygon as seen from the eye, in coordinates (u, v, normal) of the source.
-struct Seen {
-    facet: u32,
-    front: bool,
-    vertices: Vec<DVec3>,
-    /// Edge functions, positive inside, and the rounding of each.
-    edges: Vec<(DVec3, f64)>,
-    /// n/(n·a): 1/t = plane·d.
-    plane: DVec3,
-}
+impl Shown {
+    /// Adds a run of pixels, given the sums of ΔF from before its first to after its last.
+    #[inline(always)]
+    fn add_run(&mut self, sums: &[f64]) {
+        let last = sums.len() - 1;
+        let (first_factor, last_factor) = (sums[1] - sums[0], sums[last] - sums[last - 1]);
+        self.factor += sums[last] - sums[0];
+        self.pixels += last as u64;
+        self.runs += 1;
+        self.ends += first_factor * first_factor + last_factor * last_factor;
+    }
 
-/// A source's centre with everything that can be seen from it.
-pub struct Eye {
-    seen: Vec<Seen>,
-}
-
-impl Eye {
-    /// The facets seen from the centroid of `source`, its frame turned by `turn` about the normal.
-    pub fn new(source: &Polygon, turn: f64, facets: &Facets) -> Self {
-        let ((u0, v0), n) = (source.frame(), source.normal());
-        let (sin, cos) = turn.sin_cos();
-        let (u, v) = (u0 * cos + v0 * sin, v0 * cos - u0 * sin);
-        let eye = source.centroid();
-        let local = |p: DVec3| DVec3::new((p - eye).dot(u), (p - eye).dot(v), (p - eye).dot(n));
-        let reach = eye.abs().max_element();
-        let seen = facets.iter_polygons().filter_map(|(facet, polygon)| see(facet as u32, polygon, eye, reach, local));
-        Self { seen: seen.collect() }
+    /// Adds what another face shows of the item.
+    pub fn add(&mut self, other: &Self) {
+        self.factor += other.factor;
+        self.pixels += other.pixels;
+        self.runs += other.runs;
+        self.ends += other.ends;
+        self.whole += other.whole;
+        self.whole_pixels += other.whole_pixels;
+        self.glimpsed |= other.glimpsed;
     }
 }
 
-fn see(facet: u32, polygon: &Polygon, eye: DVec3, reach: f64, local: impl Fn(DVec3) -> DVec3) -> Option<Seen> {
-    let vertices: Vec<DVec3> = polygon.vertices().iter().map(|&p| local(p)).collect();
-    let size = vertices.iter().map(|v| v.length()).fold(0.0, f64::max);
-    // A plane that holds the eye, to rounding, shows no area; neither does what lies below the horizon.
-    let side = polygon.signed_distance(eye);
-    let rounding = 32.0 * f64::EPSILON * size.max(reach);
-    if side.abs() <= rounding + 2.0 * polygon.thickness() || vertices.iter().all(|v| v.z <= rounding) {
-        return None;
-    }
-    let front = side > 0.0;
-    // Inside is negative seen from the front, since (a × b)·c = n·a · 2·area and n·a = −side.
-    let sign = if front { -1.0 } else { 1.0 };
-    let count = vertices.len();
-    let points = polygon.vertices();
-    let edges = (0..count).map(|k| {
-        let l = (k + 1) % count;
-        // One order of the end points for both neighbours.
-        let ordered = points[k].to_array() <= points[l].to_array();
-        let (a, b) = if ordered { (vertices[k], vertices[l]) } else { (vertices[l], vertices[k]) };
-        let edge = a.cross(b) * if ordered { sign } else { -sign };
-        // Coordinates are off by ε · reach, which moves a × b by that times |a| + |b|.
-        (edge, 8.0 * f64::EPSILON * (a.length() * b.length() + reach * (a.length() + b.length())))
-    });
-    let edges = edges.collect();
-    let normal = local(eye + polygon.normal());
-    let plane = normal / -side;
-    Some(Seen { facet, front, vertices, edges, plane })
+/// An edge function in the rows of a face: the pixels on its inner side.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    /// Value at x = y = 0, slack included, and its change with y.
+    at: f64,
+    up: f64,
+    /// Pixels per value: half the resolution over the change with x, negative where the inner side is to the right.
+    scale: f64,
 }
 
-/// Axes (forward, right, up) of a face: 0 is the top, 1 to 4 the sides with up along the normal.
-fn axes(face: usize) -> [DVec3; 3] {
-    match face {
-        0 => [DVec3::Z, DVec3::X, DVec3::Y],
-        1 => [DVec3::X, DVec3::Y, DVec3::Z],
-        2 => [DVec3::Y, DVec3::NEG_X, DVec3::Z],
-        3 => [DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z],
-        _ => [DVec3::NEG_Y, DVec3::X, DVec3::Z],
+/// Item buffer of one face and what it takes to draw it.
+#[derive(Debug, Default)]
+pub(super) struct Canvas {
+    /// Words of depth and item, row after row, rows padded to whole vectors.
+    words: Vec<f64>,
+    /// Edges that bound the polygon at hand to the left, and to the right.
+    left: Vec<Edge>,
+    right: Vec<Edge>,
+}
+
+/// Pixels to which rows are padded: the widest vector.
+const LANES: usize = 8;
+
+/// Drawing of one face.
+pub(super) struct Draw<'a> {
+    pub view: &'a View,
+    pub face: usize,
+    pub delta: &'a DeltaFormFactors,
+    /// x of the pixel centres, padded to whole vectors.
+    pub centres: &'a [f64],
+    pub canvas: &'a mut Canvas,
+    /// Empty pixels, backs, then every polygon of the face.
+    pub shown: &'a mut Vec<Shown>,
+    /// Whether to look for polygons between the pixel centres.
+    pub glimpse: bool,
+}
+
+/// x (and y) of the pixel centres of a row, padded to whole vectors.
+pub(super) fn centres(resolution: usize) -> Vec<f64> {
+    let at = |k: usize| (2 * k + 1) as f64 / resolution as f64 - 1.0;
+    (0..resolution.next_multiple_of(LANES)).map(at).collect()
+}
+
+impl WithSimd for Draw<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let (rows, width) = (self.delta.rows(self.face), self.centres.len());
+        self.canvas.words.clear();
+        self.canvas.words.resize(rows * width, 0.0);
+        let polygons = &self.view.faces[self.face];
+        self.shown.clear();
+        self.shown.resize(FIRST + polygons.len(), Shown::default());
+        let item_mask = (1_u64 << ITEM_BITS.max(u64::BITS - (self.shown.len() as u64).leading_zeros())) - 1;
+        for (k, &seen) in polygons.iter().enumerate() {
+            self.polygon(simd, &self.view.seen[seen as usize], FIRST + k, item_mask);
+        }
+        for row in 0..rows {
+            let words = &self.canvas.words[row * width..][..self.delta.resolution()];
+            scan(words, self.delta.row(self.face, row), item_mask, self.shown);
+        }
+        if self.glimpse {
+            self.glimpse(item_mask);
+        }
     }
 }
 
-/// Depths this close to each other are the same surface: the two sides of a sheet.
-const TWIN: f64 = 1e-10;
+impl Draw<'_> {
+    /// Draws a polygon.
+    #[inline(always)]
+    fn polygon<S: Simd>(&mut self, simd: S, seen: &Seen, number: usize, item_mask: u64) {
+        let Some((begin, end)) = self.rows(seen) else { return };
+        self.edges(seen);
+        let [forward, right, up] = on_face(self.face, seen.plane);
+        let (item, keep) = if seen.front { (number, 1.0) } else { (BACK, BEHIND) };
+        let (item, depth_bits) = (simd.splat_u64s(item as u64), simd.splat_u64s(!item_mask));
+        let slope = simd.splat_f64s(right * keep);
+        let (first_row, resolution) = (self.delta.resolution() - self.delta.rows(self.face), self.delta.resolution());
+        let (width, shift) = (self.centres.len(), 0.5 * (resolution as f64 - 1.0));
+        let centres = S::as_simd_f64s(self.centres).0;
+        let (mut whole, mut pixels) = (0.0, 0);
+        for row in begin..end {
+            let y = self.centres[row + first_row];
+            // First and last pixel, as real numbers; slack moves them outward.
+            let (mut lo, mut hi) = (0.0_f64, resolution as f64 - 1.0);
+            for edge in &self.canvas.left {
+                lo = lo.max((edge.at + edge.up * y) * edge.scale + shift);
+            }
+            for edge in &self.canvas.right {
+                hi = hi.min((edge.at + edge.up * y) * edge.scale + shift);
+            }
+            let (lo, hi) = (lo.ceil(), hi.floor());
+            if lo > hi {
+                continue;
+            }
+            let (from, to) = (lo as usize, hi as usize + 1);
+            let at = simd.splat_f64s((forward + up * y) * keep);
+            let line = Line { simd, at, right: slope, depth_bits, item };
+            let words = S::as_mut_simd_f64s(&mut self.canvas.words[row * width..][..width]).0;
+            line.draw(words, centres, from, to);
+            if seen.front {
+                let sums = self.delta.row(self.face, row);
+                whole += sums[to] - sums[from];
+                pixels += to - from;
+            }
+        }
+        if seen.front {
+            (self.shown[number].whole, self.shown[number].whole_pixels) = (whole, pixels as u64);
+        }
+    }
 
-/// The item buffer of a face, row after row; sides begin at the horizon.
-pub fn draw(eye: &Eye, facets: &Facets, face: usize, resolution: usize) -> Vec<Item> {
-    let axes = axes(face);
-    let first_row = if face == 0 { 0 } else { resolution / 2 };
-    let rows = resolution - first_row;
-    let mut items = vec![Item::Empty; rows * resolution];
-    let mut depths = vec![0.0; rows * resolution];
-    let pixel = 2.0 / resolution as f64;
-    let at = |k: usize| (k as f64 + 0.5) * pixel - 1.0;
-    for seen in &eye.seen {
-        let Some([x0, x1, y0, y1]) = extent(&seen.vertices, &axes, face == 0) else { continue };
-        // A pixel more on every side: the edge functions decide.
-        let index = |x: f64| ((x + 1.0) / pixel).floor();
-        let column = |x: f64| index(x).clamp(0.0, resolution as f64 - 1.0) as usize;
-        let (i0, i1) = (column(x0 - pixel), column(x1 + pixel));
-        let row = |y: f64| index(y).clamp(first_row as f64, resolution as f64 - 1.0) as usize;
-        let (j0, j1) = (row(y0 - pixel), row(y1 + pixel));
-        for j in j0..=j1 {
-            let start = axes[0] + axes[2] * at(j);
-            let covers = |i: usize| {
-                let d = start + axes[1] * at(i);
-                seen.edges.iter().all(|(edge, rounding)| edge.dot(d) >= -rounding)
-            };
-            // A convex polygon covers one run of pixels in a row.
-            let Some((begin, end)) = run(seen, start, axes[1], i0, i1, pixel, covers) else { continue };
-            let (w0, dw) = (seen.plane.dot(start), seen.plane.dot(axes[1]));
-            let line = (j - first_row) * resolution;
-            for i in begin..=end {
-                let w = w0 + dw * at(i);
-                let (item, depth) = (&mut items[line + i], &mut depths[line + i]);
-                let nearer = w > *depth * (1.0 + TWIN);
-                let twin = seen.front && *item == Item::Back && w >= *depth * (1.0 - TWIN);
-                if nearer || twin {
-                    *item = if seen.front { Item::Front(seen.facet) } else { Item::Back };
-                    *depth = w;
-                }
+    /// The rows of pixels from the lowest to above the highest corner; all of them if the polygon reaches behind the face.
+    #[inline(always)]
+    fn rows(&self, seen: &Seen) -> Option<(usize, usize)> {
+        let (mut ahead, mut lo, mut hi) = (true, f64::INFINITY, f64::NEG_INFINITY);
+        for side in &self.view.sides[seen.sides.clone()] {
+            let [forward, _, up] = on_face(self.face, side.corner);
+            ahead &= forward > 0.0;
+            (lo, hi) = (lo.min(up / forward), hi.max(up / forward));
+        }
+        let rows = self.delta.rows(self.face);
+        if !ahead {
+            return Some((0, rows));
+        }
+        let (half, first) = (0.5 * self.delta.resolution() as f64, self.delta.resolution() - rows);
+        // A millionth of a pixel is far more than rounding, and far less than a row.
+        let at = |y: f64| (y + 1.0) * half - 0.5 - first as f64;
+        let (begin, end) = ((at(lo) - 1e-6).ceil().max(0.0), (at(hi) + 1e-6).floor().min(rows as f64 - 1.0));
+        (begin <= end).then_some((begin as usize, end as usize + 1))
+    }
+
+    /// Edges of a polygon on this face, by the side that they bound.
+    #[inline(always)]
+    fn edges(&mut self, seen: &Seen) {
+        self.canvas.left.clear();
+        self.canvas.right.clear();
+        let half = 0.5 * self.delta.resolution() as f64;
+        for side in &self.view.sides[seen.sides.clone()] {
+            let [forward, right, up] = on_face(self.face, side.edge);
+            // An edge along the rows takes all of a row or nothing: its end lies beyond either border.
+            let scale = (half / right.abs()).min(f64::MAX);
+            let edge = |scale| Edge { at: forward + side.slack, up, scale };
+            if right >= 0.0 {
+                self.canvas.left.push(edge(-scale));
+            } else {
+                self.canvas.right.push(edge(scale));
             }
         }
     }
-    debug_assert!(items.iter().all(|item| !matches!(item, Item::Front(k) if *k as usize >= facets.len())));
-    items
+
+    /// Looks, for every front that lies between the pixel centres, whether the pixel of its centre shows something nearer.
+    #[inline(always)]
+    fn glimpse(&mut self, item_mask: u64) {
+        let (rows, resolution) = (self.delta.rows(self.face), self.delta.resolution());
+        let (first_row, half) = (resolution - rows, 0.5 * resolution as f64);
+        for (k, &number) in self.view.faces[self.face].iter().enumerate() {
+            let seen = &self.view.seen[number as usize];
+            if !seen.front || self.shown[FIRST + k].whole_pixels > 0 {
+                continue;
+            }
+            let sides = &self.view.sides[seen.sides.clone()];
+            let [forward, right, up] = on_face(self.face, sides.iter().map(|side| side.corner).sum());
+            let (x, y) = (((right / forward) + 1.0) * half, ((up / forward) + 1.0) * half - first_row as f64);
+            let inside = forward > 0.0 && x >= 0.0 && y >= 0.0 && x < resolution as f64 && y < rows as f64;
+            if !inside {
+                continue;
+            }
+            let (i, j) = (x as usize, y as usize);
+            let [forward, right, up] = on_face(self.face, seen.plane);
+            // The polygon's own plane at the pixel's centre, which may miss the polygon by a pixel.
+            let depth = forward + right * self.centres[i] + up * self.centres[j + first_row];
+            let nearest = f64::from_bits(self.canvas.words[j * self.centres.len() + i].to_bits() & !item_mask);
+            self.shown[FIRST + k].glimpsed = depth + (right.abs() + up.abs()) / half >= nearest * BEHIND;
+        }
+    }
 }
 
-/// First and last pixel of the run that the edge functions cover between columns i0 and i1.
-fn run(
-    seen: &Seen,
-    start: DVec3,
-    right: DVec3,
-    i0: usize,
-    i1: usize,
-    pixel: f64,
-    covers: impl Fn(usize) -> bool,
-) -> Option<(usize, usize)> {
-    // Each edge function α + βx ≥ 0 leaves a half line of x.
-    let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
-    for (edge, rounding) in &seen.edges {
-        let (alpha, beta) = (edge.dot(start) + rounding, edge.dot(right));
-        if beta > 0.0 {
-            lo = lo.max(-alpha / beta);
-        } else if beta < 0.0 {
-            hi = hi.min(-alpha / beta);
-        } else if alpha < 0.0 {
-            return None;
-        }
-    }
-    // Rounding of the quotient moves an end by at most one pixel: begin one outside and let the test decide.
-    let index = |x: f64| ((x + 1.0) / pixel - 0.5).clamp(i0 as f64, i1 as f64);
-    let (mut begin, mut end) = ((index(lo).ceil() as usize).max(i0 + 1) - 1, (index(hi).floor() as usize + 1).min(i1));
-    while begin <= end && !covers(begin) {
-        begin += 1;
-    }
-    while end > begin && !covers(end) {
-        end -= 1;
-    }
-    (begin <= end).then_some((begin, end))
+/// Depth and item of one polygon in one row, as vectors.
+#[derive(Clone, Copy)]
+struct Line<S: Simd> {
+    simd: S,
+    /// Depth 1/t at x = 0 and its change with x.
+    at: S::f64s,
+    right: S::f64s,
+    /// Bits of a word that hold depth.
+    depth_bits: S::u64s,
+    item: S::u64s,
 }
 
-/// Smallest and largest x and y of the part of a polygon inside the face's pyramid, or `None` if nothing is.
-fn extent(vertices: &[DVec3], axes: &[DVec3; 3], top: bool) -> Option<[f64; 4]> {
-    let mut points: Vec<DVec3> =
-        vertices.iter().map(|v| DVec3::new(v.dot(axes[1]), v.dot(axes[2]), v.dot(axes[0]))).collect();
-    let below = if top { DVec3::new(0.0, 1.0, 1.0) } else { DVec3::Y };
-    for plane in [DVec3::new(1.0, 0.0, 1.0), DVec3::new(-1.0, 0.0, 1.0), below, DVec3::new(0.0, -1.0, 1.0)] {
-        points = clip(&points, plane);
-        if points.is_empty() {
-            return None;
+impl<S: Simd> Line<S> {
+    /// Words of a vector of pixels.
+    ///
+    /// Multiplication and addition stay apart, so that every instruction set rounds alike.
+    #[inline(always)]
+    fn words(self, centres: S::f64s) -> S::f64s {
+        let simd = self.simd;
+        let depth = simd.transmute_u64s_f64s(simd.add_f64s(self.at, simd.mul_f64s(self.right, centres)));
+        simd.transmute_f64s_u64s(simd.or_u64s(simd.and_u64s(depth, self.depth_bits), self.item))
+    }
+
+    /// Draws the pixels from `from` to before `to` of a vector.
+    #[inline(always)]
+    fn part(self, word: &mut S::f64s, centres: S::f64s, from: usize, to: usize) {
+        let simd = self.simd;
+        let inside = simd.mask_between_m64s(from as u64, to as u64).mask();
+        *word = simd.max_f64s(*word, simd.select_f64s(inside, self.words(centres), simd.splat_f64s(0.0)));
+    }
+
+    /// Draws the pixels from `from` to before `to` of a row.
+    #[inline(always)]
+    fn draw(self, words: &mut [S::f64s], centres: &[S::f64s], from: usize, to: usize) {
+        let lanes = S::F64_LANES;
+        let (first, last) = (from / lanes, (to - 1) / lanes);
+        if first == last {
+            self.part(&mut words[first], centres[first], from - first * lanes, to - first * lanes);
+            return;
+        }
+        self.part(&mut words[first], centres[first], from - first * lanes, lanes);
+        self.part(&mut words[last], centres[last], 0, to - last * lanes);
+        for (word, &x) in words[first + 1..last].iter_mut().zip(&centres[first + 1..last]) {
+            *word = self.simd.max_f64s(*word, self.words(x));
         }
     }
-    let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-    for p in points.iter().filter(|p| p.z > 0.0) {
-        let (x, y) = (p.x / p.z, p.y / p.z);
-        bounds = [bounds[0].min(x), bounds[1].max(x), bounds[2].min(y), bounds[3].max(y)];
-    }
-    bounds[0].is_finite().then_some(bounds)
 }
 
-/// The part of a loop with plane·p ≥ 0.
-fn clip(points: &[DVec3], plane: DVec3) -> Vec<DVec3> {
-    let mut kept = Vec::with_capacity(points.len() + 1);
-    for (k, &a) in points.iter().enumerate() {
-        let b = points[(k + 1) % points.len()];
-        let (da, db) = (plane.dot(a), plane.dot(b));
-        if da >= 0.0 {
-            kept.push(a);
+/// Adds a row of the item buffer to what is shown of its items.
+#[inline(always)]
+fn scan(words: &[f64], sums: &[f64], item_mask: u64, shown: &mut [Shown]) {
+    let (mut item, mut from) = (words[0].to_bits() & item_mask, 0);
+    for (k, chunk) in words.chunks(LANES).enumerate() {
+        let mut differ = 0;
+        for word in chunk {
+            differ |= word.to_bits() ^ item;
         }
-        if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
-            kept.push(a + (b - a) * (da / (da - db)));
+        if differ & item_mask == 0 {
+            continue;
+        }
+        for (l, word) in chunk.iter().enumerate() {
+            let next = word.to_bits() & item_mask;
+            if next != item {
+                shown[item as usize].add_run(&sums[from..=k * LANES + l]);
+                (item, from) = (next, k * LANES + l);
+            }
         }
     }
-    kept
+    shown[item as usize].add_run(&sums[from..=words.len()]);
 }
