@@ -11,6 +11,8 @@ pub struct Cost {
     pub source_evaluations: u64,
     /// Rays and segments tested for visibility.
     pub rays: u64,
+    /// Points at which the visible part of a polygon was cut exactly.
+    pub visibility_points: u64,
     /// Pixels of hemicube item buffers.
     pub hemicube_pixels: u64,
     /// Pairs in which nothing can block.
@@ -49,6 +51,7 @@ impl AddAssign for Cost {
         self.form_factors += other.form_factors;
         self.source_evaluations += other.source_evaluations;
         self.rays += other.rays;
+        self.visibility_points += other.visibility_points;
         self.hemicube_pixels += other.hemicube_pixels;
         self.clear_pairs += other.clear_pairs;
         self.hidden_pairs += other.hidden_pairs;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use radiosity_core::Cost;
-use radiosity_form_factors::analytic::{Analytic, unoccluded};
+use radiosity_form_factors::analytic::{Analytic, PartialVisibility, unoccluded};
 use radiosity_form_factors::{Pairwise, PairwiseRows, Rows};
 use radiosity_geometry::{Facets, Occluders, Polygon};
 
@@ -28,21 +28,43 @@ fn between(blockers: &[Polygon]) -> (Polygon, Polygon, Occluders) {
     (i, j, Occluders::new(all, owners))
 }
 
-/// Reference: 20-digit integrals. At defaults the error is below 1e-3 and inside the bound of three standard errors for
-/// several seeds (a bound may fail once in 370, so the seeds are fixed).
+/// Name, distance of the unit squares, blocker parallel to them, its share of the distance, A_i F_ij by 20-digit integrals.
+const ONE_BLOCKER: [(&str, f64, [f64; 4], f64, f64); 4] = [
+    ("centred_half", 1.0, [-0.25, 0.25, -0.25, 0.25], 0.5, 0.099_506_294_598_984_79),
+    ("off_centre", 1.0, [0.1, 0.6, -0.2, 0.35], 0.3, 0.148_601_074_323_251_7),
+    ("far", 50.0, [-0.25, 0.25, -0.25, 0.25], 0.5, 5.569_415_281_217_112e-5),
+    ("half_block", 1.0, [0.0, 2.0, -2.0, 2.0], 0.5, 0.099_912_447_849_193_69),
+];
+
+fn one_blocker(d: f64, blocker: [f64; 4], t: f64) -> (Polygon, Polygon, Occluders) {
+    let (i, j) = (rectangle(UNIT, 0.0, true), rectangle(UNIT, d, false));
+    let occluders = Occluders::new(vec![rectangle(blocker, t * d, true), i.clone(), j.clone()], vec![0, 1, 2]);
+    (i, j, occluders)
+}
+
+/// Whatever is asked between 1e-3 and 1e-10 is met, and the stated error covers the true one.
 #[test]
-fn opposed_squares_with_one_blocker_are_right_to_1e_3() {
-    let table = [
-        ("centred_half", 1.0, [-0.25, 0.25, -0.25, 0.25], 0.5, 0.099_506_294_598_984_79),
-        ("off_centre", 1.0, [0.1, 0.6, -0.2, 0.35], 0.3, 0.148_601_074_323_251_7),
-        ("far", 50.0, [-0.25, 0.25, -0.25, 0.25], 0.5, 5.569_415_281_217_112e-5),
-        ("half_block", 1.0, [0.0, 2.0, -2.0, 2.0], 0.5, 0.099_912_447_849_193_69),
-    ];
-    for (name, d, blocker, t, truth) in table {
-        let (i, j) = (rectangle(UNIT, 0.0, true), rectangle(UNIT, d, false));
-        let occluders = Occluders::new(vec![rectangle(blocker, t * d, true), i.clone(), j.clone()], vec![0, 1, 2]);
+fn opposed_squares_with_one_blocker_are_right_to_what_is_asked() {
+    for (name, d, blocker, t, truth) in ONE_BLOCKER {
+        let (i, j, occluders) = one_blocker(d, blocker, t);
+        for tolerance in [1e-3, 1e-5, 1e-7, 1e-10] {
+            let exact = PartialVisibility::Exact { tolerance };
+            let estimate = Analytic::new(Some(&occluders)).partial_visibility(exact).exchange(&i, &j, 1e-12, 0);
+            let error = (estimate.value - truth).abs();
+            assert!(error < tolerance && error <= estimate.bound, "{name}, {tolerance:e}: {error:e} {estimate:?}");
+            assert_eq!((estimate.cost.partial_pairs, estimate.cost.form_factors), (1, 1), "{name}");
+        }
+    }
+}
+
+/// By 256 segments the error is below 1e-3 and inside the bound of three standard errors for several seeds (a bound may fail
+/// once in 370, so the seeds are fixed).
+#[test]
+fn opposed_squares_with_one_blocker_are_right_to_1e_3_by_rays() {
+    for (name, d, blocker, t, truth) in ONE_BLOCKER {
+        let (i, j, occluders) = one_blocker(d, blocker, t);
         for seed in 0..5 {
-            let estimate = Analytic::new(Some(&occluders)).exchange(&i, &j, TOLERANCE, seed);
+            let estimate = Analytic::new(Some(&occluders)).samples(256).exchange(&i, &j, TOLERANCE, seed);
             let error = (estimate.value - truth).abs();
             assert!(error < 1e-3 && error <= estimate.bound, "{name}, seed {seed}: {error:e} {estimate:?}");
             assert_eq!((estimate.cost.partial_pairs, estimate.cost.form_factors), (1, 1), "{name}");
@@ -97,7 +119,7 @@ fn what_cannot_block_leaves_the_pair_clear() {
 }
 
 /// A wall in the middle, from floor to ceiling, is crossed by squares on both sides: left half sees left half only. The
-/// truth is twice the exchange area of the halves; the bound is three standard errors.
+/// truth is twice the exchange area of the halves, to 1e-10 each; 1e-6 is asked of what is partly hidden.
 #[test]
 fn a_wall_across_both_polygons_leaves_each_side_its_own() {
     let corner = |y, z| DVec3::new(0.0, y, z);
@@ -107,7 +129,7 @@ fn a_wall_across_both_polygons_leaves_each_side_its_own() {
     let truth = 2.0 * unoccluded(&rectangle(left, 0.0, true), &rectangle(left, 1.0, false), TOLERANCE).value;
     let estimate = Analytic::new(Some(&occluders)).exchange(&i, &j, TOLERANCE, 3);
     let error = (estimate.value - truth).abs();
-    assert!(error < 1e-3 && error <= estimate.bound, "{error:e} {estimate:?}");
+    assert!(error < 1e-6 && error <= estimate.bound, "{error:e} {estimate:?}");
 }
 
 /// Sixteen sheets go through the hierarchy, their union through the direct test: same segments, same answer.
@@ -119,7 +141,7 @@ fn many_blockers_give_what_their_union_gives() {
         (0..16).map(|c| rectangle([at(c / 4), at(c / 4 + 1), at(c % 4), at(c % 4 + 1)], 0.5, true)).collect();
     let value = |blockers: &[Polygon]| {
         let (i, j, occluders) = between(blockers);
-        Analytic::new(Some(&occluders)).exchange(&i, &j, TOLERANCE, 5).value
+        Analytic::new(Some(&occluders)).samples(256).exchange(&i, &j, TOLERANCE, 5).value
     };
     assert_eq!(value(&parts), value(&[rectangle(whole, 0.5, true)]));
 }
@@ -145,10 +167,10 @@ fn cube(lo: f64, hi: f64, k: usize, inward: bool) -> Vec<Polygon> {
     faces
 }
 
-/// The closed scene of a box of side 0.4 in the unit cube: rows sum to 1 within the sampling noise of some hundred partial pairs
-/// each, and a row is the same whichever of the two polygons is asked.
+/// The closed scene of a box of side 0.4 in the unit cube: rows sum to 1 within errors of at most 1e-6 of either sign of some thirty
+/// partial pairs each, and a row is the same whichever of the two polygons is asked.
 #[test]
-fn rows_of_a_box_in_a_cube_sum_to_one_within_2e_3() {
+fn rows_of_a_box_in_a_cube_sum_to_one_within_1e_6() {
     let mut facets = Facets::new();
     cube(0.0, 1.0, 4, true).into_iter().chain(cube(0.3, 0.7, 2, false)).for_each(|p| facets.push(vec![p], false));
     let faces: Vec<Polygon> = cube(0.0, 1.0, 1, true).into_iter().chain(cube(0.3, 0.7, 1, false)).collect();
@@ -160,7 +182,7 @@ fn rows_of_a_box_in_a_cube_sum_to_one_within_2e_3() {
     for (s, row) in matrix.iter_mut().enumerate() {
         cost += rows.row(s, row).unwrap().0;
         let closure = row.iter().sum::<f64>() / facets.area(s) - 1.0;
-        assert!(closure.abs() < 2e-3, "row {s}: {closure:e}");
+        assert!(closure.abs() < 1e-6, "row {s}: {closure:e}");
     }
     for (s, t) in (0..n * n).map(|k| (k / n, k % n)) {
         assert_eq!(matrix[s][t], matrix[t][s]);

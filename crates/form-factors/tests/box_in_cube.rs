@@ -56,17 +56,27 @@ fn exchange_areas_of_the_unit_cube_are_reciprocal_within_1e_9() {
 /// With 256 segments a partly blocked pair, and more for large form factors, the worst of 192 row sums is off by about
 /// 5e-4; 2e-3 is asked.
 #[test]
-fn rows_of_a_box_in_the_cube_sum_to_1_within_2e_3_at_defaults() {
-    let scene = box_in_cube(0.4, grey(), grey());
-    let (facets, blockers) = (elements(&scene, 4), Occluders::blocking(&scene));
-    let areas = facets.areas();
+fn rows_of_a_box_in_the_cube_sum_to_1_within_2e_3_by_rays() {
     for seed in [1, 2, 3] {
-        let rows = PairwiseRows::new(Analytic::new(Some(&blockers)), &facets, &facets, TOLERANCE, seed);
-        let (store, cost) = DenseFormFactors::assemble(&rows).unwrap();
-        assert!(cost.partial_pairs > 1000 && cost.hidden_pairs > 100, "{cost:?}");
-        let checks = check(&store, &areas, &areas, true).unwrap();
-        let (row, closure) = checks.closure.unwrap();
-        assert!(closure.abs() < 2e-3, "seed {seed}, row {row}: {closure:e}");
-        assert_eq!((checks.reciprocity.unwrap().2, checks.negative), (0.0, 0));
+        assert!(closure(4, |analytic| analytic.samples(256), seed) < 2e-3, "seed {seed}");
     }
+}
+
+/// Some hundred partial pairs a row, each to 1e-6 with errors of either sign.
+#[test]
+fn rows_of_a_box_in_the_cube_sum_to_1_within_1e_6_at_defaults() {
+    assert!(closure(4, |analytic| analytic, 1) < 1e-6);
+}
+
+/// The worst row sum's distance from 1, k × k elements a face.
+fn closure(k: u32, set: impl Fn(Analytic<'_>) -> Analytic<'_>, seed: u64) -> f64 {
+    let scene = box_in_cube(0.4, grey(), grey());
+    let (facets, blockers) = (elements(&scene, k), Occluders::blocking(&scene));
+    let areas = facets.areas();
+    let rows = PairwiseRows::new(set(Analytic::new(Some(&blockers))), &facets, &facets, TOLERANCE, seed);
+    let (store, cost) = DenseFormFactors::assemble(&rows).unwrap();
+    assert!(cost.partial_pairs > 1000 && cost.hidden_pairs > 100, "{cost:?}");
+    let checks = check(&store, &areas, &areas, true).unwrap();
+    assert_eq!((checks.reciprocity.unwrap().2, checks.negative), (0.0, 0));
+    checks.closure.unwrap().1.abs()
 }

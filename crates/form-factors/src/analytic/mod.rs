@@ -20,12 +20,15 @@ mod contour;
 mod differential;
 mod gauss;
 mod pair;
+mod partial;
 mod point_quadrature;
 mod sampling;
 mod singularities;
 mod slabs;
 mod unoccluded;
 mod visibility;
+
+use std::sync::Arc;
 
 use radiosity_core::Cost;
 use radiosity_geometry::{Occluders, Polygon};
@@ -35,12 +38,14 @@ pub use differential::differential;
 pub use unoccluded::unoccluded;
 
 use crate::{Estimate, Pairwise};
+use area_quadrature::Bounded;
 use pair::FacingPair;
+use partial::{Blocked, Bodies, Visible};
 use sampling::visible_share;
-use visibility::{Visibility, classify};
+use visibility::{Blocking, Visibility, classify};
 
-/// Segments a partial pair is tested with at least.
-const SAMPLES: u32 = 256;
+/// Error of the form factors of partial pairs, unless set otherwise.
+const TOLERANCE: f64 = 1e-6;
 /// Form factor (the larger of F_ij and F_ji) from which on a pair gets more segments, in proportion: the sum of variances
 /// Σ F²/N at a given sum of N is least for N ∝ F, and the segments of a row stay below samples · (pairs + 300).
 const LARGE: f64 = 1.0 / 300.0;
@@ -70,10 +75,38 @@ const LARGE: f64 = 1.0 / 300.0;
 /// assert!((estimate.value - 0.199_824_895_698_387_4).abs() < 1e-10);
 /// # Ok::<(), radiosity_geometry::PolygonError>(())
 /// ```
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Analytic<'a> {
-    occluders: Option<&'a Occluders>,
-    samples: u32,
+    scene: Option<Blockers<'a>>,
+    visibility: PartialVisibility,
+}
+
+/// Polygons that block, and the bodies among them.
+#[derive(Clone)]
+struct Blockers<'a> {
+    occluders: &'a Occluders,
+    bodies: Arc<Bodies>,
+}
+
+/// How pairs are computed between which something may lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PartialVisibility {
+    /// The hidden part is exact from every point, and integrated adaptively.
+    Exact {
+        /// Error of F_ij and F_ji to aim at, or what the pair is asked for if that is more.
+        tolerance: f64,
+    },
+    /// The unoccluded value times the visible share of segments.
+    Rays {
+        /// Segments of a pair at least; pairs with F > 1/300 get 300 F times as many.
+        samples: u32,
+    },
+}
+
+impl Default for PartialVisibility {
+    fn default() -> Self {
+        Self::Exact { tolerance: TOLERANCE }
+    }
 }
 
 impl<'a> Analytic<'a> {
@@ -81,13 +114,63 @@ impl<'a> Analytic<'a> {
     ///
     /// The polygons of the pairs themselves may be among them: a polygon does not block what lies in its plane.
     pub fn new(occluders: Option<&'a Occluders>) -> Self {
-        Self { occluders: occluders.filter(|occluders| !occluders.is_empty()), samples: SAMPLES }
+        let occluders = occluders.filter(|occluders| !occluders.is_empty());
+        let scene = occluders.map(|occluders| Blockers { occluders, bodies: Arc::new(Bodies::find(occluders)) });
+        Self { scene, visibility: PartialVisibility::default() }
     }
 
-    /// Tests partial pairs with at least `samples` segments; pairs with F > 1/300 get 300 F times as many.
+    /// Computes partial pairs by this rule.
+    #[must_use]
+    pub fn partial_visibility(self, visibility: PartialVisibility) -> Self {
+        Self { visibility, ..self }
+    }
+
+    /// Tests partial pairs with at least `samples` segments: [`PartialVisibility::Rays`].
     #[must_use]
     pub fn samples(self, samples: u32) -> Self {
-        Self { samples, ..self }
+        self.partial_visibility(PartialVisibility::Rays { samples })
+    }
+
+    /// Completes the estimate of a pair whose unoccluded value is `whole`; `smaller` is the smaller of the whole areas.
+    fn finish(
+        &self,
+        pair: &FacingPair,
+        whole: impl FnOnce() -> Bounded,
+        smaller: f64,
+        tolerance: f64,
+        seed: u64,
+    ) -> Estimate {
+        let cost = Cost { form_factors: 1, ..Cost::default() };
+        let clear = |whole: Bounded| {
+            let cost = Cost { clear_pairs: 1, ..cost };
+            Estimate { value: whole.value, bound: whole.bound, cost }
+        };
+        let Some(Blockers { occluders, bodies }) = &self.scene else { return clear(whole()) };
+        let blockers = match classify(occluders, pair) {
+            Visibility::Clear => return clear(whole()),
+            Visibility::Hidden => return Estimate { cost: Cost { hidden_pairs: 1, ..cost }, ..Estimate::default() },
+            Visibility::Partial(blockers) => blockers,
+        };
+        let (whole, cost) = (whole(), Cost { partial_pairs: 1, ..cost });
+        match self.visibility {
+            PartialVisibility::Exact { tolerance: exact } => {
+                let absolute = smaller * exact.max(tolerance);
+                let blocked = Blocked { occluders, bodies, blockers: &blockers, absolute };
+                let Visible { area, points } = blocked.visible(pair, whole);
+                Estimate { value: area.value, bound: area.bound, cost: Cost { visibility_points: points, ..cost } }
+            }
+            PartialVisibility::Rays { samples } => {
+                let more = (whole.value / (smaller * LARGE)).max(1.0);
+                let blocking = Blocking::new(occluders, pair, &blockers);
+                // Conversion saturates: more segments than there are points in the sequence are not used.
+                let share = visible_share(pair, &blocking, (f64::from(samples) * more) as u32, seed);
+                Estimate {
+                    value: whole.value * share.visible,
+                    bound: 3.0 * share.error * whole.value + whole.bound,
+                    cost: Cost { rays: share.rays, ..cost },
+                }
+            }
+        }
     }
 }
 
@@ -99,24 +182,7 @@ impl Pairwise for Analytic<'_> {
     fn exchange(&self, i: &Polygon, j: &Polygon, tolerance: f64, seed: u64) -> Estimate {
         let Some(pair) = FacingPair::new(i, j) else { return Estimate::default() };
         let smaller = i.area().min(j.area());
-        let cost = Cost { form_factors: 1, ..Cost::default() };
-        let visibility = self.occluders.map_or(Visibility::Clear, |occluders| classify(occluders, &pair));
-        if let Visibility::Hidden = visibility {
-            return Estimate { cost: Cost { hidden_pairs: 1, ..cost }, ..Estimate::default() };
-        }
-        let whole = unoccluded::exchange_area(&pair, smaller, tolerance);
-        match visibility {
-            Visibility::Partial(blocking) => {
-                let more = (whole.value / (smaller * LARGE)).max(1.0);
-                // Conversion saturates: more segments than there are points in the sequence are not used.
-                let share = visible_share(&pair, &blocking, (f64::from(self.samples) * more) as u32, seed);
-                Estimate {
-                    value: whole.value * share.visible,
-                    bound: 3.0 * share.error * whole.value + whole.bound,
-                    cost: Cost { partial_pairs: 1, rays: share.rays, ..cost },
-                }
-            }
-            _ => Estimate { value: whole.value, bound: whole.bound, cost: Cost { clear_pairs: 1, ..cost } },
-        }
+        let whole = || unoccluded::exchange_area(&pair, smaller, tolerance);
+        self.finish(&pair, whole, smaller, tolerance, seed)
     }
 }

@@ -18,18 +18,18 @@ use radiosity_geometry::{Occluders, Polygon};
 
 use super::pair::{FacingPair, rounding};
 
-/// Blockers of one pair that are tested one by one; beyond that the hierarchy is asked.
+/// Blockers of one pair whose segments are tested one by one; beyond that the hierarchy is asked.
 const DIRECT: usize = 8;
 
 /// What lies between the polygons of a pair.
-#[derive(Clone)]
-pub(super) enum Visibility<'a> {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Visibility {
     /// Nothing.
     Clear,
     /// A polygon that covers every segment.
     Hidden,
-    /// Perhaps something.
-    Partial(Blocking<'a>),
+    /// These polygons, perhaps.
+    Partial(Vec<usize>),
 }
 
 /// What to test a segment against.
@@ -46,7 +46,19 @@ pub(super) enum Blocking<'a> {
     },
 }
 
-impl Blocking<'_> {
+impl<'a> Blocking<'a> {
+    /// The polygons that [`classify`] found in the way of a pair.
+    pub fn new(occluders: &'a Occluders, pair: &FacingPair, blockers: &[usize]) -> Self {
+        if blockers.len() > DIRECT {
+            return Self::All { occluders, origin: pair.origin };
+        }
+        let blocker = |&k: &usize| {
+            let polygon = &occluders.polygons()[k];
+            Blocker::new(polygon, pair.origin, slack(polygon, pair))
+        };
+        Self::Few(blockers.iter().map(blocker).collect())
+    }
+
     /// Whether the segment between a point of i and one of j is crossed.
     pub fn blocks(&self, x: DVec3, y: DVec3) -> bool {
         match self {
@@ -57,11 +69,11 @@ impl Blocking<'_> {
 }
 
 /// Sorts a pair by what lies between.
-pub(super) fn classify<'a>(occluders: &'a Occluders, pair: &FacingPair) -> Visibility<'a> {
+pub(super) fn classify(occluders: &Occluders, pair: &FacingPair) -> Visibility {
     let corners = pair.i.iter().chain(&pair.j);
     let (lo, hi) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
     let grow = DVec3::splat(pair.slack);
-    let (mut blockers, mut hidden, mut many) = (Vec::new(), false, false);
+    let (mut blockers, mut hidden) = (Vec::new(), false);
     occluders.overlapping(pair.origin + lo - grow, pair.origin + hi + grow, &mut |k| {
         if hidden {
             return;
@@ -69,19 +81,17 @@ pub(super) fn classify<'a>(occluders: &'a Occluders, pair: &FacingPair) -> Visib
         match between(&occluders.polygons()[k], pair) {
             Between::Nothing => {}
             Between::All => hidden = true,
-            // One more than fits says that the hierarchy has to do it; the search goes on for one that hides all.
-            Between::Some(_) if blockers.len() == DIRECT => many = true,
-            Between::Some(blocker) => blockers.push(blocker),
+            Between::Some => blockers.push(k),
         }
     });
     if hidden {
         Visibility::Hidden
-    } else if many {
-        Visibility::Partial(Blocking::All { occluders, origin: pair.origin })
     } else if blockers.is_empty() {
         Visibility::Clear
     } else {
-        Visibility::Partial(Blocking::Few(blockers))
+        // The order of the hierarchy is of no meaning.
+        blockers.sort_unstable();
+        Visibility::Partial(blockers)
     }
 }
 
@@ -89,7 +99,12 @@ pub(super) fn classify<'a>(occluders: &'a Occluders, pair: &FacingPair) -> Visib
 enum Between {
     Nothing,
     All,
-    Some(Blocker),
+    Some,
+}
+
+/// Heights over the plane of a polygon that rounding may make.
+fn slack(polygon: &Polygon, pair: &FacingPair) -> f64 {
+    2.0 * (pair.slack.max(rounding(polygon.vertices())) + polygon.thickness())
 }
 
 fn between(polygon: &Polygon, pair: &FacingPair) -> Between {
@@ -100,17 +115,17 @@ fn between(polygon: &Polygon, pair: &FacingPair) -> Between {
         return Between::Nothing;
     }
     let (p, n) = (local(&polygon.vertices()[0]), polygon.normal());
-    let slack = 2.0 * (pair.slack.max(rounding(polygon.vertices())) + polygon.thickness());
+    let slack = slack(polygon, pair);
     let heights = |v: &[DVec3]| -> Side { Side::of(v.iter().map(|v| (*v - p).dot(n)), slack) };
     let (side_i, side_j) = (heights(&pair.i), heights(&pair.j));
     if !((side_i.above && side_j.below) || (side_i.below && side_j.above)) {
         return Between::Nothing;
     }
     let crossings = Crossings { p, n, slack, pair };
-    let blocker = Blocker::new(polygon, pair.origin, slack);
     let straddles = (side_i.above && side_i.below) || (side_j.above && side_j.below);
     let mut inside = !straddles;
-    for &(m, at) in &blocker.sides {
+    for (a, b) in polygon.edges() {
+        let Some((m, at)) = side(a - pair.origin, b - pair.origin, n) else { continue };
         let (mut all_outside, mut all_inside) = (true, true);
         crossings.visit(straddles, &mut |crossing| {
             let depth = crossing.dot(m) - at;
@@ -122,7 +137,13 @@ fn between(polygon: &Polygon, pair: &FacingPair) -> Between {
         }
         inside &= all_inside;
     }
-    if inside { Between::All } else { Between::Some(blocker) }
+    if inside { Between::All } else { Between::Some }
+}
+
+/// Unit normal m into a polygon, in its plane, on the edge a b, and m·x on the edge.
+fn side(a: DVec3, b: DVec3, n: DVec3) -> Option<(DVec3, f64)> {
+    let m = n.cross(b - a).try_normalize()?;
+    Some((m, m.dot(a)))
 }
 
 /// On which sides of a plane points lie.
@@ -191,11 +212,8 @@ pub(super) struct Blocker {
 impl Blocker {
     fn new(polygon: &Polygon, origin: DVec3, slack: f64) -> Self {
         let n = polygon.normal();
-        let side = |(a, b): (DVec3, DVec3)| {
-            let m = n.cross(b - a).try_normalize()?;
-            Some((m, m.dot(a - origin)))
-        };
-        Self { p: polygon.vertices()[0] - origin, n, slack, sides: polygon.edges().filter_map(side).collect() }
+        let sides = polygon.edges().filter_map(|(a, b)| side(a - origin, b - origin, n)).collect();
+        Self { p: polygon.vertices()[0] - origin, n, slack, sides }
     }
 
     /// Whether the open segment x y properly crosses the polygon.

@@ -1,0 +1,377 @@
+//! Where the hidden part of the receiver changes its shape: the visibility events of a pair, and the parts of the carrier between them.
+//!
+//! As a point x moves over the carrier, the outline of what is hidden from it stays made of the same edges until a corner of one loop
+//! is seen on an edge of another: x is then on the plane through both, so in a straight line on the carrier. Only the segment of that
+//! line counts from which the corner is seen on the edge and not on its extension: the projection of the edge through the corner.
+//! Between such segments the hidden form factor is analytic. Edges of three loops that are seen in one point make curves; they occur
+//! where shadows overlap, and are left to the adaptive rule.
+
+use glam::{DVec2, DVec3};
+
+use super::lanes::{Arcs, Clip};
+use super::shade::{Plane, View};
+
+/// Overlapping shadows are joined by inclusion and exclusion up to so many terms.
+const MAX_TERMS: usize = 31;
+
+/// Parts into which events cut a carrier at most; what is left uncut is left to the adaptive rule.
+const MAX_PARTS: usize = 1024;
+
+/// Share of the least width of a part within which corners are moved to a line.
+const NEEDLE: f64 = 1e-3;
+
+/// An edge of one loop and the heights c + s·x + t·y of the corners of another over the plane through (x, y, 0) and the edge.
+#[derive(Clone, Debug)]
+struct Cut {
+    edge: usize,
+    heights: Vec<[f64; 3]>,
+    /// Heights that rounding makes.
+    slack: f64,
+}
+
+/// How the cones of two loops lie to each other from a part of the carrier.
+enum Relation {
+    /// Nothing is in both.
+    Apart,
+    /// Edges of the first that cut the second; none if the second is inside.
+    Cuts(Vec<Cut>),
+}
+
+/// What the carrier sees from a part of it that no plane of a blocker crosses.
+pub(super) struct Region {
+    /// The receiver, then the loops of the shadows.
+    loops: Vec<Vec<DVec3>>,
+    /// cuts[a][b]: edges of loop a that cut loop b; `None` if the two have nothing in common.
+    cuts: Vec<Vec<Option<Vec<Cut>>>>,
+    /// Whether one shadow covers the receiver.
+    covered: bool,
+    /// Sums to the hidden form factor.
+    pub hidden: Arcs,
+    /// Groups of overlapping shadows that are too many for inclusion and exclusion.
+    pub crowds: Vec<Vec<Vec<DVec3>>>,
+}
+
+/// What is seen from a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sight {
+    /// All of the receiver.
+    Clear,
+    /// Nothing.
+    Hidden,
+    /// A part of it, perhaps.
+    Partial,
+}
+
+fn next(corners: &[DVec3], k: usize) -> DVec3 {
+    corners[if k + 1 == corners.len() { 0 } else { k + 1 }]
+}
+
+/// det(q − x, p − x, b − x) of an edge p q and a corner b, linear in x = (s, t, 0): positive inside the edge.
+fn height(p: DVec3, q: DVec3, b: DVec3) -> [f64; 3] {
+    let n = (q - b).cross(p - b);
+    [n.dot(b), -n.x, -n.y]
+}
+
+fn at(h: &[f64; 3], x: DVec2) -> f64 {
+    h[0] + h[1] * x.x + h[2] * x.y
+}
+
+fn relation(a: &[DVec3], b: &[DVec3], part: &[DVec2], slack: f64) -> Relation {
+    let mut cuts = Vec::new();
+    for edge in 0..a.len() {
+        let (p, q) = (a[edge], next(a, edge));
+        let slack = 8.0 * slack * p.distance(q);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for b in b {
+            let h = height(p, q, *b);
+            for x in part {
+                let h = at(&h, *x);
+                (low, high) = (low.min(h), high.max(h));
+            }
+        }
+        if high <= slack {
+            return Relation::Apart;
+        }
+        if low < -slack {
+            let heights = b.iter().map(|b| height(p, q, *b)).collect();
+            cuts.push(Cut { edge, heights, slack });
+        }
+    }
+    Relation::Cuts(cuts)
+}
+
+impl Region {
+    /// Sets up what is seen from a part of the carrier.
+    pub fn new(view: &View, part: &[DVec2]) -> Self {
+        let mut region = Self {
+            loops: vec![view.receiver.clone()],
+            cuts: vec![vec![None]],
+            covered: false,
+            hidden: Arcs::default(),
+            crowds: Vec::new(),
+        };
+        for shade in view.shades(part) {
+            region.insert(shade, part, view.slack);
+            if region.covered {
+                return region;
+            }
+        }
+        region.sum();
+        region
+    }
+
+    /// Adds a shadow unless it misses the receiver or lies in another one; takes out those that lie in it.
+    fn insert(&mut self, shade: Vec<DVec3>, part: &[DVec2], slack: f64) {
+        let (mut over, mut under, mut inner) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, other) in self.loops.iter().enumerate() {
+            let relations = (relation(&shade, other, part, slack), relation(other, &shade, part, slack));
+            let (Relation::Cuts(mine), Relation::Cuts(its)) = relations else {
+                if k == 0 {
+                    return;
+                }
+                over.push(None);
+                under.push(None);
+                continue;
+            };
+            match (k, mine.is_empty(), its.is_empty()) {
+                (0, true, _) => {
+                    self.covered = true;
+                    return;
+                }
+                (0, ..) => {}
+                (_, _, true) => return,
+                (_, true, _) => inner.push(k),
+                _ => {}
+            }
+            over.push(Some(mine));
+            under.push(Some(its));
+        }
+        over.push(None);
+        for (row, under) in self.cuts.iter_mut().zip(under) {
+            row.push(under);
+        }
+        self.cuts.push(over);
+        self.loops.push(shade);
+        for &k in inner.iter().rev() {
+            self.loops.remove(k);
+            self.cuts.remove(k);
+            self.cuts.iter_mut().for_each(|row| {
+                row.remove(k);
+            });
+        }
+    }
+
+    /// Hidden form factor = Σ over sets of overlapping shadows of ± what all of the set hide.
+    fn sum(&mut self) {
+        let mut grouped = vec![false; self.loops.len()];
+        for first in 1..self.loops.len() {
+            if std::mem::replace(&mut grouped[first], true) {
+                continue;
+            }
+            let (mut group, mut k) = (vec![first], 0);
+            while k < group.len() {
+                for other in 1..self.loops.len() {
+                    if !grouped[other] && self.cuts[group[k]][other].is_some() {
+                        grouped[other] = true;
+                        group.push(other);
+                    }
+                }
+                k += 1;
+            }
+            match self.cliques(&group) {
+                Some(cliques) => cliques.iter().for_each(|clique| self.intersect(clique)),
+                None => self.crowds.push(group.iter().map(|&k| self.loops[k].clone()).collect()),
+            }
+        }
+    }
+
+    /// Sets of shadows of a group that overlap pairwise, each with the receiver in front; `None` if they are too many.
+    fn cliques(&self, group: &[usize]) -> Option<Vec<Vec<usize>>> {
+        let mut sets: Vec<Vec<usize>> = Vec::new();
+        for &k in group {
+            for known in 0..sets.len() {
+                if sets[known][1..].iter().all(|&other| self.cuts[other][k].is_some()) {
+                    let mut set = sets[known].clone();
+                    set.push(k);
+                    sets.push(set);
+                }
+            }
+            sets.push(vec![0, k]);
+            if sets.len() > MAX_TERMS {
+                return None;
+            }
+        }
+        Some(sets)
+    }
+
+    /// Adds the arcs around what a set of loops, the receiver among them, have in common.
+    fn intersect(&mut self, set: &[usize]) {
+        let weight = if set.len() % 2 == 0 { 1.0 } else { -1.0 };
+        for &a in set {
+            let others = || set.iter().copied().filter(move |&b| b != a);
+            for edge in 0..self.loops[a].len() {
+                // An edge that does not cut another loop runs outside of it.
+                let cuts = |b: usize| self.cuts[a][b].iter().flatten().any(|cut| cut.edge == edge);
+                if !others().all(cuts) {
+                    continue;
+                }
+                let end = if edge + 1 == self.loops[a].len() { 0 } else { edge + 1 };
+                let clips = others().flat_map(|b| self.cuts[b][a].iter().flatten());
+                let clips = clips.map(|cut| -> Clip { [cut.heights[edge], cut.heights[end]] });
+                self.hidden.push(self.loops[a][edge], self.loops[a][end], weight, clips);
+            }
+        }
+    }
+
+    /// The part cut along the events in it; events that only come within `snap` of a border are left out.
+    pub fn split(&self, part: Vec<DVec2>, snap: f64) -> Vec<Vec<DVec2>> {
+        let mut parts = vec![part];
+        if self.covered {
+            return parts;
+        }
+        for (a, row) in self.cuts.iter().enumerate() {
+            for (b, cuts) in row.iter().enumerate() {
+                for cut in cuts.iter().flatten() {
+                    let (p, q) = (self.loops[a][cut.edge], next(&self.loops[a], cut.edge));
+                    for (v, h) in self.loops[b].iter().zip(&cut.heights) {
+                        if let Some(event) = Event::new(p, q, *v, h) {
+                            event.split(&mut parts, snap);
+                        }
+                    }
+                }
+            }
+        }
+        parts
+    }
+
+    /// What is seen from a convex cell of the carrier.
+    pub fn sight(&self, cell: &[DVec2]) -> Sight {
+        if self.covered {
+            return Sight::Hidden;
+        }
+        let mut sight = Sight::Clear;
+        for a in 1..self.loops.len() {
+            let (over, under) = (&self.cuts[a][0], &self.cuts[0][a]);
+            let heights = |cut: &Cut| {
+                cell.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |range, x| {
+                    let h = cut.heights.iter().map(|h| at(h, *x));
+                    h.fold(range, |(low, high), h| (low.min(h), high.max(h)))
+                })
+            };
+            let (mut apart, mut covers) = (false, true);
+            for cut in over.iter().flatten() {
+                let (low, high) = heights(cut);
+                apart |= high <= cut.slack;
+                covers &= low >= -cut.slack;
+            }
+            if covers {
+                return Sight::Hidden;
+            }
+            if !(apart || under.iter().flatten().any(|cut| heights(cut).1 <= cut.slack)) {
+                sight = Sight::Partial;
+            }
+        }
+        sight
+    }
+}
+
+/// A segment or a line on the carrier: c + s·x + t·y = 0.
+struct Event {
+    /// Divided by the length of (s, t), so that its values are distances.
+    line: [f64; 3],
+    /// The part that is real; `None` for all of the line.
+    ends: Option<[DVec2; 2]>,
+}
+
+impl Event {
+    /// The points that see the corner `v` and the edge p q in one place.
+    fn new(p: DVec3, q: DVec3, v: DVec3, h: &[f64; 3]) -> Option<Self> {
+        let slope = h[1].hypot(h[2]);
+        let line = h.map(|c| c / slope);
+        if !line.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        // Where the line through the corner and a point of the edge meets the carrier.
+        let project = |y: DVec3| (y.truncate() * v.z - v.truncate() * y.z) / (v.z - y.z);
+        let ends = ((v.z - p.z) * (v.z - q.z) > 0.0).then(|| [project(p), project(q)]);
+        Some(Self { line, ends })
+    }
+
+    /// Cuts the parts that it crosses.
+    fn split(&self, parts: &mut Vec<Vec<DVec2>>, snap: f64) {
+        for k in 0..parts.len() {
+            if parts.len() >= MAX_PARTS {
+                return;
+            }
+            if let Some((front, back)) = split(&parts[k], &self.line, snap) {
+                if self.ends.is_none_or(|ends| crosses(&parts[k], ends, snap)) {
+                    parts[k] = front;
+                    parts.push(back);
+                }
+            }
+        }
+    }
+}
+
+/// The parts of a convex loop on both sides of a line, if none is narrower than `snap`.
+fn split(part: &[DVec2], line: &[f64; 3], snap: f64) -> Option<(Vec<DVec2>, Vec<DVec2>)> {
+    let (low, high) = part.iter().map(|x| at(line, *x)).fold((0.0, 0.0), |(a, b): (f64, f64), d| (a.min(d), b.max(d)));
+    if low >= -snap || high <= snap {
+        return None;
+    }
+    let (mut front, mut back) = (Vec::with_capacity(part.len() + 2), Vec::with_capacity(part.len() + 2));
+    // A corner next to the line counts as on it: no needles.
+    let distance = |x: DVec2| {
+        let d = at(line, x);
+        if d.abs() <= NEEDLE * snap { 0.0 } else { d }
+    };
+    for k in 0..part.len() {
+        let (a, b) = (part[k], part[(k + 1) % part.len()]);
+        let (d_a, d_b) = (distance(a), distance(b));
+        if d_a >= 0.0 {
+            front.push(a);
+        }
+        if d_a <= 0.0 {
+            back.push(a);
+        }
+        if d_a * d_b < 0.0 {
+            let meet = a + (b - a) * (d_a / (d_a - d_b));
+            front.push(meet);
+            back.push(meet);
+        }
+    }
+    Some((front, back))
+}
+
+/// Whether more than `snap` of a segment lies inside a convex loop, counter-clockwise.
+fn crosses(part: &[DVec2], [p, q]: [DVec2; 2], snap: f64) -> bool {
+    let (mut begin, mut end) = (0.0_f64, 1.0_f64);
+    for k in 0..part.len() {
+        let (a, b) = (part[k], part[(k + 1) % part.len()]);
+        let side = |x: DVec2| (b - a).perp_dot(x - a);
+        let (h_p, h_q) = (side(p), side(q));
+        if h_p < 0.0 && h_q < 0.0 {
+            return false;
+        }
+        if h_p < 0.0 {
+            begin = begin.max(h_p / (h_p - h_q));
+        } else if h_q < 0.0 {
+            end = end.min(h_p / (h_p - h_q));
+        }
+    }
+    (end - begin) * p.distance(q) > snap
+}
+
+/// The carrier cut along the planes of its blockers.
+pub(super) fn cut_at_planes(view: &View, snap: f64) -> Vec<Vec<DVec2>> {
+    let mut parts = vec![view.carrier.clone()];
+    for Plane { n, at } in view.planes() {
+        let slope = n.x.hypot(n.y);
+        // A plane along the carrier's own leaves no line on it.
+        if slope > view.slack {
+            let line = [-at / slope, n.x / slope, n.y / slope];
+            Event { line, ends: None }.split(&mut parts, snap);
+        }
+    }
+    parts
+}
