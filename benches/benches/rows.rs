@@ -47,7 +47,7 @@ fn estimators(c: &mut Criterion, scene: &str, geometry: &Geometry<'_>) {
     }
     let row_wise = |method| rows(geometry, method, Form::Full, SEED).expect("settings in range");
     for rays in [512, 1024, 2048] {
-        let rows = row_wise(Method::RayCast { rays });
+        let rows = row_wise(Method::rays(rays));
         bench(c, "ray-cast", scene, &*rows, rays, |cost, _| cost.rays);
     }
     for resolution in [64, 128, 256] {

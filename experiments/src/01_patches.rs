@@ -30,8 +30,8 @@ pub struct Patches;
 
 /// Estimators with their meshes of the Cornell box and of the exact scenes, elements along an edge of a face.
 fn methods(profile: Profile) -> Vec<(Method, Vec<u32>, Vec<u32>)> {
-    let analytic = Method::Analytic { tolerance: 1e-8, samples: 256 };
-    let rays = Method::RayCast { rays: 1024 };
+    let analytic = Method::sampled(1e-8, 256);
+    let rays = Method::rays(1024);
     let hemicube = Method::Hemicube { resolution: 64 };
     let both = Method::RaysAndEmitters { rays: 1024 };
     let few = || vec![1, 2, 4];
@@ -76,7 +76,7 @@ impl Experiment for Patches {
         let scene = cornell()?;
         let truth = cornell_truth(context, &scene)?;
         let reference_error = truth.error;
-        let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+        let best = Method::exact(1e-10, 1e-7);
         let most_pairs = profile.pick(1 << 14, 1 << 20, 16 << 20);
         let mut yardstick = Yardstick::new(&scene, truth.grid, GRID, best, most_pairs);
         for (method, sizes, _) in &methods {
@@ -100,7 +100,7 @@ impl Experiment for Patches {
         }
         // Pictures: few patches, many, and few patches with many elements.
         let (few, many) = profile.pick((1, 2), (2, 16), (2, 24));
-        let fine = Method::RayCast { rays: profile.pick(64, 4096, 16_384) };
+        let fine = Method::rays(profile.pick(64, 4096, 16_384));
         for (name, caption, elements, patches) in [
             ("few", format!("{few} × {few} patches a face"), few, None),
             ("many", format!("{many} × {many} patches a face"), many, None),

@@ -36,7 +36,7 @@ struct Case {
 fn cases(profile: Profile) -> Result<Vec<Case>, Box<dyn Error>> {
     let mut room = ManufacturedRoom::default().scene();
     room.materials[5].emission = vec![10.0];
-    let exact = Method::Analytic { tolerance: 1e-10, samples: 256 };
+    let exact = Method::sampled(1e-10, 256);
     Ok(vec![
         Case {
             name: "Cornell box",
@@ -44,7 +44,7 @@ fn cases(profile: Profile) -> Result<Vec<Case>, Box<dyn Error>> {
             method: Method::Hemicube { resolution: profile.pick(16, 32, 64) },
             best: exact,
         },
-        Case { name: "empty room", scene: room, method: Method::Analytic { tolerance: 1e-6, samples: 1 }, best: exact },
+        Case { name: "empty room", scene: room, method: Method::sampled(1e-6, 1), best: exact },
     ])
 }
 
@@ -214,7 +214,7 @@ impl Experiment for Substructuring {
 /// The reference of a scene in which nothing blocks: analytic pairs on a fine mesh, against half as fine.
 fn pairs_truth(scene: &Scene, k: u32) -> Result<Truth, Box<dyn Error>> {
     let grid = |k: u32| -> Result<GridValues, Box<dyn Error>> {
-        let method = Method::Analytic { tolerance: 1e-8, samples: 1 };
+        let method = Method::sampled(1e-8, 1);
         let run = radiosity::run(scene, &Strategy::new(Subdivision::Uniform(k), method), &mut ())?;
         Ok(GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?)
     };

@@ -22,7 +22,7 @@ use crate::truth::{Fineness, truth};
 /// The experiment.
 pub struct Solvers;
 
-const METHOD: Method = Method::Analytic { tolerance: 1e-8, samples: 64 };
+const METHOD: Method = Method::sampled(1e-8, 64);
 const UNSHOT: f64 = 1e-8;
 /// Solver errors below this are drawn at it: what remains is rounding.
 const FLOOR: f64 = 1e-10;
@@ -91,7 +91,7 @@ impl Experiment for Solvers {
             let truth = truth(&scene, fineness, GRID)?;
             let reference_error = truth.error;
             context.advance(4, format!("ρ = {rho}: reference"));
-            let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+            let best = Method::exact(1e-10, 1e-7);
             let mut yardstick = Yardstick::new(&scene, truth.grid, GRID, best, 4 << 20);
             for strategy in &strategies {
                 let key = format!("{rho}/{}/{}", strategy.store.name(), strategy.solver);

@@ -28,8 +28,8 @@ pub struct Progressive;
 fn methods(profile: Profile) -> Vec<Method> {
     vec![
         Method::Hemicube { resolution: profile.pick(16, 128, 256) },
-        Method::RayCast { rays: profile.pick(64, 4096, 16_384) },
-        Method::Analytic { tolerance: 1e-8, samples: profile.pick(16, 128, 256) },
+        Method::rays(profile.pick(64, 4096, 16_384)),
+        Method::sampled(1e-8, profile.pick(16, 128, 256)),
     ]
 }
 

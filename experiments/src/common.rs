@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use radiosity::{GridValues, Measured, Method, Strategy, run};
 use radiosity_core::{BandValues, Cost};
+use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{ReadOptions, read_scene};
 use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
@@ -124,12 +125,15 @@ pub fn described(key: String, strategy: &Strategy) -> Record {
 }
 
 /// The number that says how fine an estimator is.
-pub fn setting(method: Method) -> u32 {
-    match method {
-        Method::Analytic { samples, .. } => samples,
-        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => rays,
+pub fn setting(method: Method) -> String {
+    let count = match method {
+        Method::Analytic { partial: PartialVisibility::Exact { tolerance }, .. } => return format!("{tolerance:e}"),
+        Method::RayCast { error: Some(error), .. } => return format!("{error:e}"),
+        Method::Analytic { partial: PartialVisibility::Rays { samples }, .. } => samples,
+        Method::RayCast { rays, .. } | Method::RaysAndEmitters { rays } => rays,
         Method::Hemicube { resolution } => resolution,
-    }
+    };
+    count.to_string()
 }
 
 /// A record with its counts.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use radiosity::{Method, Store};
+use radiosity_form_factors::analytic::PartialVisibility;
 
 /// Radiosity: form factors, solutions, comparisons.
 #[derive(Debug, Parser)]
@@ -99,7 +100,7 @@ fn resolution(text: &str) -> Result<u32, String> {
 /// Estimators by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
-    /// Exact pairs; segments where something may block.
+    /// Exact pairs.
     Analytic,
     /// Rays over the hemisphere.
     RayCast,
@@ -110,6 +111,9 @@ pub enum MethodName {
     Hemicube,
 }
 
+/// Most rays of a row whose error is asked for.
+const MOST_RAYS: u32 = 1 << 20;
+
 /// Which estimator, and how fine.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct Estimator {
@@ -119,10 +123,14 @@ pub struct Estimator {
     /// Rays a row of the ray-cast estimator.
     #[arg(long, value_name = "N", value_parser = count)]
     pub rays: Option<u32>,
+    /// Standard error of a ray-cast row at which no more rays are cast, the root of the sum of its form factors' variances; --rays is then
+    /// the most.
+    #[arg(long, value_name = "T", value_parser = open_unit)]
+    pub row_error: Option<f64>,
     /// Pixels along the top of a hemicube, even.
     #[arg(long, value_name = "R", value_parser = resolution)]
     pub resolution: Option<u32>,
-    /// Segments of a partly blocked pair of the analytic estimator.
+    /// Test partly blocked pairs of the analytic estimator by this many segments instead of exactly.
     #[arg(long, value_name = "N", value_parser = count)]
     pub samples: Option<u32>,
 }
@@ -137,12 +145,18 @@ impl Estimator {
             MethodName::Hemicube => Method::HEMICUBE,
         });
         // A setting of one estimator asks for it.
-        let implied = self.rays.map(|_| Method::RAY_CAST).or(self.resolution.map(|_| Method::HEMICUBE));
+        let rays = self.rays.map(|_| ()).or(self.row_error.map(|_| ()));
+        let implied = rays.map(|()| Method::RAY_CAST).or(self.resolution.map(|_| Method::HEMICUBE));
         match named.or(implied).unwrap_or(otherwise) {
-            Method::Analytic { tolerance, samples } => {
-                Method::Analytic { tolerance, samples: self.samples.unwrap_or(samples) }
+            Method::Analytic { tolerance, partial } => {
+                let rays = self.samples.map(|samples| PartialVisibility::Rays { samples });
+                Method::Analytic { tolerance, partial: rays.unwrap_or(partial) }
             }
-            Method::RayCast { rays } => Method::RayCast { rays: self.rays.unwrap_or(rays) },
+            Method::RayCast { rays, error } => {
+                // As many rays as the error needs, unless told how many at most.
+                let most = if self.row_error.is_some() { MOST_RAYS } else { rays };
+                Method::RayCast { rays: self.rays.unwrap_or(most), error: self.row_error.or(error) }
+            }
             Method::RaysAndEmitters { rays } => Method::RaysAndEmitters { rays: self.rays.unwrap_or(rays) },
             Method::Hemicube { resolution } => Method::Hemicube { resolution: self.resolution.unwrap_or(resolution) },
         }

@@ -72,7 +72,7 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let reference = run_strategy(scene, &fine, &mut ())?;
     let truth = GridValues::means(&reference.geometry, &reference.solution.irradiance, GRID)?;
     drop(reference);
-    let best = Method::Analytic { tolerance: 1e-10, samples: 1024 };
+    let best = Method::exact(1e-10, 1e-7);
     let mut yardstick = Yardstick::new(scene, truth, GRID, best, MOST_PAIRS);
     let compared: Vec<Compared<'_>> = all
         .into_iter()

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use radiosity::{Geometry, Method, Phase, Repair, cell_form_factors, mend_dense, rows};
 use radiosity_core::{Form, FormFactors};
+use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
 use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::DenseFormFactors;
@@ -115,9 +116,13 @@ struct Made {
 /// The estimator, with the tolerance of the flag, of the file, or by default.
 fn method(args: &FormFactorsArgs, faces: &Faces) -> Method {
     match args.estimator.method(Method::ANALYTIC) {
-        Method::Analytic { tolerance, samples } => {
+        Method::Analytic { tolerance, partial } => {
             let tolerance = args.tolerance.or(faces.tolerance).unwrap_or(tolerance);
-            Method::Analytic { tolerance, samples }
+            let partial = match (args.tolerance, partial) {
+                (Some(asked), PartialVisibility::Exact { .. }) => PartialVisibility::Exact { tolerance: asked },
+                (_, partial) => partial,
+            };
+            Method::Analytic { tolerance, partial }
         }
         method => method,
     }

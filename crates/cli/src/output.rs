@@ -4,6 +4,7 @@ use std::io::Write;
 
 use radiosity::{ErrorMeasure, Method, Phase, Repair};
 use radiosity_core::Cost;
+use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks};
 use radiosity_io::ImportReport;
 use serde_json::{Value, json};
@@ -45,10 +46,18 @@ pub fn phase(phase: &Phase) -> Value {
 /// An estimator with its settings as JSON.
 pub fn method(method: Method) -> Value {
     match method {
-        Method::Analytic { tolerance, samples } => {
+        Method::Analytic { tolerance, partial: PartialVisibility::Exact { tolerance: partial } } => {
+            json!({ "name": method.name(), "tolerance": tolerance, "partial_tolerance": partial })
+        }
+        Method::Analytic { tolerance, partial: PartialVisibility::Rays { samples } } => {
             json!({ "name": method.name(), "tolerance": tolerance, "samples": samples })
         }
-        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => json!({ "name": method.name(), "rays": rays }),
+        Method::RayCast { rays, error: Some(error) } => {
+            json!({ "name": method.name(), "most_rays": rays, "row_error": error })
+        }
+        Method::RayCast { rays, error: None } | Method::RaysAndEmitters { rays } => {
+            json!({ "name": method.name(), "rays": rays })
+        }
         Method::Hemicube { resolution } => json!({ "name": method.name(), "resolution": resolution }),
     }
 }

@@ -143,14 +143,16 @@ fn build<'a>(
     seed: u64,
 ) -> Result<Box<dyn Rows + 'a>, RunError> {
     Ok(match method {
-        Method::Analytic { tolerance, samples } => {
-            let estimator = Analytic::new((!blockers.is_empty()).then_some(blockers)).samples(samples);
+        Method::Analytic { tolerance, partial } => {
+            let estimator = Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial);
             Box::new(PairwiseRows::new(estimator, sources, targets, tolerance, seed))
         }
         // Between cells there is no emission: plain rays.
-        Method::RayCast { rays } | Method::RaysAndEmitters { rays } => {
-            Box::new(RayCast::new(sources, receivers, hits(), rays, seed))
+        Method::RayCast { rays, error } => {
+            let rows = RayCast::new(sources, receivers, hits(), rays, seed);
+            Box::new(if let Some(error) = error { rows.until(error) } else { rows })
         }
+        Method::RaysAndEmitters { rays } => Box::new(RayCast::new(sources, receivers, hits(), rays, seed)),
         Method::Hemicube { resolution } => Box::new(Hemicube::new(sources, receivers, resolution, seed)?),
     })
 }

@@ -48,7 +48,7 @@ pub fn predict(geometry: &Geometry<'_>, strategy: &Strategy) -> Prediction {
         // A symmetric store asks for each unordered pair once.
         form_factors: if pairwise && strategy.shape == Shape::Full { m * (m - 1) / 2 } else { sources * targets },
         rays: match strategy.method {
-            Method::RayCast { rays } | Method::RaysAndEmitters { rays } => sources * u64::from(rays),
+            Method::RayCast { rays, .. } | Method::RaysAndEmitters { rays } => sources * u64::from(rays),
             _ => 0,
         },
         hemicube_pixels: match strategy.method {

@@ -1,22 +1,27 @@
 //! One choice at every seam: mesh, estimator, store, form and solver.
 
 use radiosity_core::Form;
+use radiosity_form_factors::analytic::PartialVisibility;
+#[cfg(doc)]
+use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 
 /// An estimator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Pairwise; error of each unoccluded F at most `tolerance`, partly blocked pairs by `samples` segments.
+    /// Pairwise; error of each unoccluded F at most `tolerance`, partly blocked pairs by a rule of their own.
     Analytic {
         /// Absolute error of F asked for.
         tolerance: f64,
-        /// Segments of a partly blocked pair.
-        samples: u32,
+        /// How pairs are computed between which something may lie.
+        partial: PartialVisibility,
     },
-    /// Row-wise by `rays` rays a source.
+    /// Row-wise by rays.
     RayCast {
-        /// Rays a source.
+        /// Rays a source; the most of them where an error is asked for.
         rays: u32,
+        /// Standard error of a row at which no more rays are cast, see [`RayCast::until`].
+        error: Option<f64>,
     },
     /// Row-wise by `rays` rays a source, with exact totals towards every emitting surface.
     RaysAndEmitters {
@@ -32,13 +37,28 @@ pub enum Method {
 
 impl Method {
     /// Analytic with its default settings.
-    pub const ANALYTIC: Self = Self::Analytic { tolerance: 1e-10, samples: 256 };
+    pub const ANALYTIC: Self = Self::exact(1e-10, 1e-6);
     /// Rays with their default number.
-    pub const RAY_CAST: Self = Self::RayCast { rays: 1024 };
+    pub const RAY_CAST: Self = Self::rays(1024);
     /// Rays and exact emitters with the default number of rays.
     pub const RAYS_AND_EMITTERS: Self = Self::RaysAndEmitters { rays: 1024 };
     /// Hemicubes with their default resolution.
     pub const HEMICUBE: Self = Self::Hemicube { resolution: 128 };
+
+    /// Analytic, partly blocked pairs to an error of `partial` as well.
+    pub const fn exact(tolerance: f64, partial: f64) -> Self {
+        Self::Analytic { tolerance, partial: PartialVisibility::Exact { tolerance: partial } }
+    }
+
+    /// Analytic, partly blocked pairs by `samples` segments.
+    pub const fn sampled(tolerance: f64, samples: u32) -> Self {
+        Self::Analytic { tolerance, partial: PartialVisibility::Rays { samples } }
+    }
+
+    /// Rows of `rays` rays each.
+    pub const fn rays(rays: u32) -> Self {
+        Self::RayCast { rays, error: None }
+    }
 
     /// The name used in flags and tables.
     pub fn name(&self) -> &'static str {

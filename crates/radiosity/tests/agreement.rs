@@ -50,7 +50,7 @@ fn every_solver_on_every_symmetric_store_gives_one_answer_in_both_directions() {
     let scene = common::cornell_box();
     let geometry = geometry(&scene);
     // Few segments: what is solved is another system then, but the same for all.
-    let method = Method::Analytic { tolerance: 1e-6, samples: 64 };
+    let method = Method::sampled(1e-6, 64);
     let mut reference: Option<BandValues> = None;
     for kind in Store::ALL.into_iter().chain(Store::SYMMETRIC) {
         // Recomputed rows would take most of a minute for nothing new: one estimator call more for each entry read.

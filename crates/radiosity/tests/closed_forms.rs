@@ -52,7 +52,7 @@ fn rectangles_that_nothing_hides_match_their_closed_forms() {
 #[test]
 fn row_wise_estimators_meet_the_same_values_to_their_own_accuracy() {
     let corner = perpendicular_rectangles(1.0, 1.0, 1.0, grey());
-    let (store, _) = form_factors(&corner, Method::RayCast { rays: 1 << 16 }, 1);
+    let (store, _) = form_factors(&corner, Method::rays(1 << 16), 1);
     assert!((store.entry(0, 1) - 0.200_043_776_075_403_16).abs() < 1e-3);
     let apart = parallel_rectangles(1.0, 1.0, 20.0, grey());
     let (truth, _) = form_factors(&apart, Method::ANALYTIC, 1);
@@ -160,7 +160,7 @@ fn stated_standard_errors_cover_the_errors_of_many_seeds() {
 #[test]
 fn rays_meet_the_blocked_rectangles_too() {
     for case in &BLOCKED {
-        let (store, _) = form_factors(&case.scene(true), Method::RayCast { rays: 1 << 16 }, 1);
+        let (store, _) = form_factors(&case.scene(true), Method::rays(1 << 16), 1);
         let error = (store.entry(0, 1) - case.blocked).abs();
         assert!(error < 4.0 * 1.2e-3, "{}: {error:e}", case.name);
     }

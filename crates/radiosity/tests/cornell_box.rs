@@ -34,7 +34,7 @@ fn rays_and_hemicubes_meet_the_analytic_solution_to_their_own_accuracy() {
     let exact = irradiance(&scene, 8, Method::ANALYTIC);
     for (method, allowed) in [
         (Method::RAY_CAST, 0.2),
-        (Method::RayCast { rays: 4096 }, 0.08),
+        (Method::rays(4096), 0.08),
         (Method::RAYS_AND_EMITTERS, 0.012),
         (Method::HEMICUBE, 0.03),
     ] {

@@ -79,7 +79,7 @@ fn row_wise_estimators_solve_the_manufactured_room_to_a_few_per_mille() {
     let manufactured = ManufacturedRoom::default();
     let scene = manufactured.scene();
     let room = Room::new(&manufactured, &scene);
-    for (method, allowed) in [(Method::RayCast { rays: 4096 }, 0.002), (Method::HEMICUBE, 0.012)] {
+    for (method, allowed) in [(Method::rays(4096), 0.002), (Method::HEMICUBE, 0.012)] {
         let h = room.solved(method, Form::Full).irradiance;
         let squares: f64 = h.values().iter().zip(&room.irradiance).map(|(x, y)| (x - y).powi(2)).sum();
         let rms = (squares / h.len() as f64).sqrt() / room.level();

@@ -16,7 +16,7 @@ const EMISSION: f64 = 2.0;
 /// What the solvers leave: η = 1e-13 times 1/(1 − ρ) = 10, on any element.
 const SOLVER: f64 = 1e-12;
 const METHODS: [Method; 4] =
-    [Method::ANALYTIC, Method::RayCast { rays: 4096 }, Method::RaysAndEmitters { rays: 4096 }, Method::HEMICUBE];
+    [Method::ANALYTIC, Method::rays(4096), Method::RaysAndEmitters { rays: 4096 }, Method::HEMICUBE];
 
 /// Largest |sum − 1| of what a method in `direction` reads: rows over A_s, or columns over A_t.
 fn closure_error(geometry: &Geometry<'_>, store: &dyn FormFactors, direction: Direction) -> f64 {

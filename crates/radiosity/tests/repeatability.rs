@@ -6,8 +6,7 @@ use radiosity_gallery::boxes::{box_in_cube, material};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
 
-const METHODS: [Method; 4] =
-    [Method::Analytic { tolerance: 1e-8, samples: 32 }, Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
+const METHODS: [Method; 4] = [Method::sampled(1e-8, 32), Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
 
 /// Everything that a run gives but times, floats by their bits.
 #[derive(Debug, PartialEq)]

@@ -40,8 +40,7 @@ fn difference(a: &BandValues, b: &BandValues) -> f64 {
     a.values().iter().zip(b.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / mean
 }
 
-const METHODS: [Method; 4] =
-    [Method::Analytic { tolerance: 1e-8, samples: 64 }, Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
+const METHODS: [Method; 4] = [Method::sampled(1e-8, 64), Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
 
 /// ρ is constant on a patch, so the mean over a patch of B = E + ρH is Ē + ρH̄ with H̄ from area-weighted rows: both are one
 /// system. 1e-13 unshot of 1/(1 − ρ) ≤ 5 leaves 1e-12.
