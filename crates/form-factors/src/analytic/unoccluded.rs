@@ -42,8 +42,8 @@ pub(super) fn exchange_area(pair: &FacingPair, smaller: f64, tolerance: f64) -> 
     let found =
         area_quadrature::integrate(pair, absolute, relative).unwrap_or_else(|| near(pair, smaller, absolute, relative));
     // Moving the corners of a polygon by δ moves A_i F_ij by at most the area its border sweeps: so much is open where
-    // corners miss a common plane, or stay below the other's.
-    let moved = pair.thickness + pair.depth;
+    // corners miss a common plane, or the other's.
+    let moved = pair.thickness + pair.misplaced;
     let uneven = if moved > 0.0 { moved * perimeter(&pair.i).min(perimeter(&pair.j)) } else { 0.0 };
     // 0 ≤ A_i F_ij ≤ min(A_i, A_j): cutting at a limit that the truth keeps only brings the value nearer.
     Bounded { value: found.value.clamp(0.0, smaller), bound: found.bound + uneven }
