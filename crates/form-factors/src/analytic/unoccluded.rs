@@ -28,8 +28,8 @@ const FINE_RELATIVE: f64 = 1e-7;
 /// ```
 ///
 /// Parts behind the other polygon's plane are cut off first. The error is at most `tolerance` · min(A_i, A_j), and
-/// about 1000 · `tolerance` relative, unless rounding is larger: about 1e-14 of the smaller area, for slivers and patches of
-/// very unequal size as well. [`Estimate::bound`] holds the bound of the rule used and of rounding.
+/// about 1000 · `tolerance` relative, unless rounding is larger: about 1e-13 of the smaller area, for slivers and patches of
+/// very unequal size as well, and more where rounding of the corners themselves matters. [`Estimate::bound`] holds the bound of the rule used and of rounding.
 pub fn unoccluded(i: &Polygon, j: &Polygon, tolerance: f64) -> Estimate {
     let Some(pair) = FacingPair::new(i, j) else { return Estimate::default() };
     let Bounded { value, bound } = exchange_area(&pair, i.area().min(j.area()), tolerance);
