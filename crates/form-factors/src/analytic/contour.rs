@@ -54,9 +54,9 @@ use super::gauss::{KRONROD, gauss};
 use super::singularities::{Edge, Singularities, edges};
 
 /// Corners at least this many half lengths from the middle of an edge are integrated by the Gauss rule of order
-/// [`FAR_ORDER`], which leaves a relative error of 32⁻⁸ times its coefficient 3e-4, below rounding.
+/// [`FAR_ORDER`], which leaves a relative error of 32⁻¹⁰ times its coefficient 1.5e-4, below rounding.
 const FAR_CORNER: f64 = 32.0;
-const FAR_ORDER: usize = 4;
+const FAR_ORDER: usize = 5;
 /// Parallel edges use their closed form up to this ratio of the largest distance of their ends to the shorter length: the
 /// second difference loses as many times the rounding.
 const PARALLEL_REACH: f64 = 32.0;
