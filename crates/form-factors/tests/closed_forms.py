@@ -334,6 +334,16 @@ def configurations():
         moved([(0.3, 0.2, 1.0), (0.2, 1.3, 1.4), (1.5, 1.2, 1.8)], away)
     yield "shared corner at 1e5", moved(one, away), moved([(2.0, 1.3, 1.1), (1.1, 2.0, 1.0), (1.0, 1.0, 0.0)], away)
 
+    first, second, third = (0.1, 0.2, 0.3), (1.1, 0.3, 0.4), (0.4, 1.2, 0.7)
+    yield "through each other at an angle of 1e-6", [first, second, third], \
+        [(0.4, 1.2, 0.700001), (1.1, 0.3, 0.3999995), (0.1, 0.2, 0.3000002)]
+    yield "sliver triangle, part of an edge in common", [first, second, (0.6, 0.25001, 0.35)], \
+        [second, (0.6, 0.25, 0.35), (0.9, 1.1, 1.3)]
+    yield "slivers in general position, corner in common", [first, second, (0.7, 0.26001, 0.36)], \
+        [(0.2, 0.65001, 0.6), (0.3, 1.1, 0.9), first]
+    yield "small triangle, corner in common", [first, second, third], \
+        [(0.1, 0.20001, 0.30001), (0.10001, 0.20001, 0.30002), first]
+
 
 def main():
     global NODES

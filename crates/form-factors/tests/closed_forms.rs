@@ -81,6 +81,24 @@ fn bounds_cover_the_errors_and_are_sharp_in_the_median() {
     }
 }
 
+/// Nothing is compared with an absolute length: powers of two change no bit.
+#[test]
+fn scaling_by_powers_of_two_is_exact() {
+    for pair in &table() {
+        for exponent in [-60, 60] {
+            let scale = 2.0_f64.powi(exponent);
+            let scaled =
+                |p: &Polygon| Polygon::new(&p.vertices().iter().map(|v| *v * scale).collect::<Vec<_>>()).unwrap();
+            let (here, there) = (
+                unoccluded(&pair.i, &pair.j, TOLERANCES[0]),
+                unoccluded(&scaled(&pair.i), &scaled(&pair.j), TOLERANCES[0]),
+            );
+            assert_eq!(there.value, here.value * scale * scale, "{} by 2^{exponent}", pair.name);
+            assert_eq!(there.bound, here.bound * scale * scale, "{} by 2^{exponent}", pair.name);
+        }
+    }
+}
+
 fn quad(corners: [[f64; 3]; 4]) -> Polygon {
     Polygon::new(&corners.map(DVec3::from_array)).unwrap()
 }

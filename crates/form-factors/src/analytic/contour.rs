@@ -26,14 +26,14 @@
 //!   rule where v is so far that the closed form cancels;
 //! - per edge of j, d·u ∫ h θ dt: no closed form, but tame. It is analytic up to a shared corner, and singular only at complex
 //!   t, where x comes near a corner or crosses near the edge, by an imaginary part g that is the distance there. Panels are
-//!   bisected until none is more than eight times as long as its distance from these points, then until its error is
+//!   bisected until none is more than twice as long as its distance from these points, then until its error is
 //!   small. A singularity with g² below the tolerance needs only a panel border: it changes the integral by O(g² ln g).
 //!
 //! # Bound
 //!
 //! A panel counts with the smaller of two: the difference of the Gauss–Kronrod pair, which is far above the error of the finer
 //! rule; and a proven bound. On a panel with half length H and middle m let ρ H be the sum of the half axes of the ellipse
-//! through the nearest singularity, and ρ' = 0.9 ρ. Inside the smaller ellipse
+//! through the nearest singularity, and ρ' = 0.97 ρ. Inside the smaller ellipse
 //!
 //! ```text
 //! |h| ≤ h(m) + H ρ' sin(d, u),     |θ| ≤ π + ln(X_a/δ) + ln(X_b/δ),     δ = ½ H (ρ − ρ') (1 − 1/(ρ ρ'))
@@ -54,14 +54,14 @@ use super::gauss::{KRONROD, gauss};
 use super::singularities::{Edge, Singularities, edges};
 
 /// Corners at least this many half lengths from the middle of an edge are integrated by the Gauss rule of order
-/// [`FAR_ORDER`], which leaves a relative error of 32⁻⁸ times its coefficient 3e-4, below rounding.
+/// [`FAR_ORDER`], which leaves a relative error of 32⁻¹⁰ times its coefficient 1.5e-4, below rounding.
 const FAR_CORNER: f64 = 32.0;
-const FAR_ORDER: usize = 4;
+const FAR_ORDER: usize = 5;
 /// Parallel edges use their closed form up to this ratio of the largest distance of their ends to the shorter length: the
 /// second difference loses as many times the rounding.
 const PARALLEL_REACH: f64 = 32.0;
 /// Panels are at most this many times as long as their distance from a singularity.
-const PANEL: f64 = 8.0;
+const PANEL: f64 = 2.0;
 /// Bisections of one panel: enough to go from the length of an edge to its rounding.
 const DEPTH: u32 = 52;
 
@@ -302,7 +302,7 @@ impl Sight<'_> {
 
     /// Proven bound of the Gauss–Kronrod rule's error on the mean of h θ.
     fn bound(&self, lo: f64, hi: f64, ellipse: f64) -> f64 {
-        let (rho, half) = (0.9 * ellipse, 0.5 * (hi - lo));
+        let (rho, half) = (0.97 * ellipse, 0.5 * (hi - lo));
         if rho <= 1.0 {
             return f64::INFINITY;
         }

@@ -4,8 +4,8 @@
 //! |---|---|---|---|---|
 //! | separated | 4-D Gauss product rule | every σ = h/D ≤ 0.4 and at most 2,500 points | 1 to 8 a direction, from the bound | proven (Gegenbauer series) and rounding |
 //! | near, touching, tiny gap | contour integral, corner logarithms and pairs of parallel edges closed, inner edge closed and Gauss–Kronrod outside for the rest | all others | 7/15, panels bisected | per panel proven (ellipse of analyticity) or the difference of the two rules; singularities left alone, rounding |
-//! | near, and a sliver or of very unequal size | exact point factors, integrated over the smaller polygon | where the contour rule's rounding exceeds the tolerance, 1e-11 of the smaller area or 1e-7 of the value | 7/15 in two directions, pieces bisected in either | differences of the rules, area of what is left, rounding |
-//! | crossing a plane | clipped at the horizon, then as above | | | as above |
+//! | near, and a sliver or of very unequal size | exact point factors, integrated over the smaller polygon | where the contour rule's rounding exceeds the tolerance and 1e-11 of the smaller area or 1e-7 of the value | 7/15 in two directions, pieces bisected in either | differences of the rules, area of what is left, rounding |
+//! | crossing a plane | clipped at the horizon, then as above | | | as above, and the area that rounding moves across the cut |
 //! | partly blocked | unoccluded value × Σ kV/Σ k | where the classification says so | 256 segments a pair and more for large F | three standard errors and the above |
 //!
 //! h is half the length of a patch along one direction and D its distance from the partner (see `area_quadrature`). All

@@ -24,8 +24,9 @@ pub(super) struct FacingPair {
     /// Distance by which corners may miss the planes used (through one corner, hence twice the thickness): rounding of
     /// coordinates far from the origin.
     pub thickness: f64,
-    /// Depth below the other's plane of corners that count as on it.
-    pub depth: f64,
+    /// Distance along their planes by which corners may be misplaced: those that count as on the other's plane and lie below
+    /// it, and those cut there.
+    pub misplaced: f64,
 }
 
 impl FacingPair {
@@ -43,9 +44,19 @@ impl FacingPair {
             return None;
         }
         let origin = if i.area() <= j.area() { p_i } else { p_j };
-        let (i, depth_i) = clip(i.vertices(), origin, p_j, n_j, slack)?;
-        let (j, depth_j) = clip(j.vertices(), origin, p_i, n_i, slack)?;
-        Some(Self { origin, i, j, n_i, n_j, slack, thickness, depth: depth_i.max(depth_j) })
+        let (loop_i, placed_i) = clip(i.vertices(), origin, p_j, n_j, slack)?;
+        let (loop_j, placed_j) = clip(j.vertices(), origin, p_i, n_i, slack)?;
+        let mut misplaced = placed_i.depth.max(placed_j.depth);
+        if placed_i.cut || placed_j.cut {
+            // Heights at a cut round with the distance and with the normals, which lose digits for slivers.
+            let height = 4.0 * f64::EPSILON * i.diameter().max(j.diameter()) * stretch(i).max(stretch(j));
+            misplaced += height + thickness;
+        }
+        if misplaced > 0.0 {
+            // Where planes meet at a small angle, a height moves their common line by as much more.
+            misplaced /= n_i.cross(n_j).length().max(f64::EPSILON);
+        }
+        Some(Self { origin, i: loop_i, j: loop_j, n_i, n_j, slack, thickness, misplaced })
     }
 }
 
@@ -54,18 +65,32 @@ pub(super) fn rounding(vertices: &[DVec3]) -> f64 {
     8.0 * f64::EPSILON * vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
 }
 
-/// The part of a loop in front of the plane (point, normal), relative to `origin`, and how far below the plane what counts as
-/// on it reaches.
-fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f64) -> Option<(Vec<DVec3>, f64)> {
-    let mut depth = 0.0_f64;
+/// Size² / area: 2 for a square, large for slivers.
+fn stretch(polygon: &Polygon) -> f64 {
+    polygon.diameter().powi(2) / polygon.area()
+}
+
+/// How well a clipped loop is placed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Placed {
+    /// How far below the plane corners reach that count as on it.
+    depth: f64,
+    /// Whether an edge passes the plane.
+    cut: bool,
+}
+
+/// The part of a loop in front of the plane (point, normal), relative to `origin`.
+fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f64) -> Option<(Vec<DVec3>, Placed)> {
+    let mut placed = Placed::default();
     let mut height = |v: DVec3| {
         let h = (v - point).dot(normal);
         if h.abs() > slack {
             return h;
         }
-        depth = depth.max(-h);
+        placed.depth = placed.depth.max(-h);
         0.0
     };
+    let mut cut = false;
     let mut kept: Vec<DVec3> = Vec::with_capacity(vertices.len() + 1);
     let mut push = |v: DVec3| {
         // Vertices closer than rounding make an edge without a direction; the loop stays closed without it.
@@ -78,6 +103,7 @@ fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f
     for &b in vertices {
         let h_b = height(b);
         if h_a * h_b < 0.0 {
+            cut = true;
             // From the upper end in both directions, so that neighbours get the same point.
             let (p, q, t) = if h_a > 0.0 { (a, b, h_a / (h_a - h_b)) } else { (b, a, h_b / (h_b - h_a)) };
             push(p - origin + (q - p) * t);
@@ -90,7 +116,8 @@ fn clip(vertices: &[DVec3], origin: DVec3, point: DVec3, normal: DVec3, slack: f
     while kept.len() > 1 && kept[0].distance_squared(kept[kept.len() - 1]) <= slack * slack {
         kept.pop();
     }
-    (kept.len() >= 3).then_some((kept, depth))
+    placed.cut = cut;
+    (kept.len() >= 3).then_some((kept, placed))
 }
 
 #[cfg(test)]

@@ -48,8 +48,8 @@ pub(super) fn integrate(i: &[DVec3], j: &[DVec3], tolerance: f64) -> Bounded {
     let (vector_i, vector_j) = (area_vector(i), area_vector(j));
     let first = vector_i.length_squared() <= vector_j.length_squared();
     let (i, j, vector) = if first { (i, j, vector_i) } else { (j, i, vector_j) };
-    // Clipping may leave a line.
-    let Some(normal) = vector.try_normalize() else { return Bounded::default() };
+    // Clipping may leave a line, whose direction says nothing: the contour integral's bound is better.
+    let Some(normal) = vector.try_normalize() else { return Bounded { value: 0.0, bound: f64::INFINITY } };
     let targets: Vec<Edge> = edges(j).filter_map(|(a, b)| Edge::new(a, b)).collect();
     let share = tolerance / SHARES;
     let (mut sum, mut rounding, mut count) = (Bounded::default(), 0.0, 0);

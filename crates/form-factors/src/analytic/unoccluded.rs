@@ -28,8 +28,8 @@ const FINE_RELATIVE: f64 = 1e-7;
 /// ```
 ///
 /// Parts behind the other polygon's plane are cut off first. The error is at most `tolerance` · min(A_i, A_j), and
-/// about 1000 · `tolerance` relative, unless rounding is larger: about 1e-14 of the smaller area, for slivers and patches of
-/// very unequal size as well. [`Estimate::bound`] holds the bound of the rule used and of rounding.
+/// about 1000 · `tolerance` relative, unless rounding is larger: about 1e-13 of the smaller area, for slivers and patches of
+/// very unequal size as well, and more where rounding of the corners themselves matters. [`Estimate::bound`] holds the bound of the rule used and of rounding.
 pub fn unoccluded(i: &Polygon, j: &Polygon, tolerance: f64) -> Estimate {
     let Some(pair) = FacingPair::new(i, j) else { return Estimate::default() };
     let Bounded { value, bound } = exchange_area(&pair, i.area().min(j.area()), tolerance);
@@ -42,8 +42,8 @@ pub(super) fn exchange_area(pair: &FacingPair, smaller: f64, tolerance: f64) -> 
     let found =
         area_quadrature::integrate(pair, absolute, relative).unwrap_or_else(|| near(pair, smaller, absolute, relative));
     // Moving the corners of a polygon by δ moves A_i F_ij by at most the area its border sweeps: so much is open where
-    // corners miss a common plane, or stay below the other's.
-    let moved = pair.thickness + pair.depth;
+    // corners miss a common plane, or the other's.
+    let moved = pair.thickness + pair.misplaced;
     let uneven = if moved > 0.0 { moved * perimeter(&pair.i).min(perimeter(&pair.j)) } else { 0.0 };
     // 0 ≤ A_i F_ij ≤ min(A_i, A_j): cutting at a limit that the truth keeps only brings the value nearer.
     Bounded { value: found.value.clamp(0.0, smaller), bound: found.bound + uneven }
