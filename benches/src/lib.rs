@@ -2,6 +2,7 @@
 //!
 //! What is *not* here: anything that is timed.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use glam::DVec3;
@@ -41,40 +42,117 @@ pub fn geometry(scene: &Scene, k: u32) -> Geometry<'_> {
     Geometry::new(scene, &mesh).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// 10,008 triangles: the unit cube seen from inside, and in it 833 small boxes at the places of a 10 × 10 × 10 grid.
-pub fn furnished_cube() -> Vec<Polygon> {
-    let mut boxes = vec![(DVec3::ZERO, DVec3::ONE, true)];
-    for k in 0..833 {
-        let cell = DVec3::new((k % 10) as f64, (k / 10 % 10) as f64, (k / 100) as f64);
-        let lo = (cell + 0.3) / 10.0;
-        boxes.push((lo, lo + DVec3::new(0.03, 0.04, 0.05), false));
+/// The 38 triangles of the Cornell box.
+pub fn cornell_triangles() -> Vec<Polygon> {
+    let scene = cornell();
+    scene.pieces().flat_map(|(_, piece)| halves(piece.vertices())).map(triangle).collect()
+}
+
+/// 10,254 triangles: the unit cube seen from inside, a lamp under its ceiling and 20 spheres of 512 triangles, which may cut one
+/// another.
+pub fn spheres() -> Vec<Polygon> {
+    let lamp = [(0.4, 0.4), (0.4, 0.6), (0.6, 0.6), (0.6, 0.4)].map(|(x, y)| DVec3::new(x, y, 0.999));
+    let room = faces(DVec3::ZERO, DVec3::ONE, true);
+    let mut triangles: Vec<_> = room.iter().map(Vec::as_slice).chain([&lamp[..]]).flat_map(halves).collect();
+    let mut random = Random(SEED);
+    for _ in 0..20 {
+        let radius = 0.04 + 0.08 * random.unit();
+        let centre = DVec3::from_array([(); 3].map(|()| radius + (1.0 - 2.0 * radius) * random.unit()));
+        triangles.extend(octahedral_sphere(8).into_iter().map(|t| t.map(|v| centre + v * radius)));
     }
-    let loops = boxes.into_iter().flat_map(|(lo, hi, inward)| faces(lo, hi, inward));
-    loops.flat_map(|face| [[face[0], face[1], face[2]], [face[0], face[2], face[3]]]).map(triangle).collect()
+    triangles.into_iter().map(triangle).collect()
+}
+
+/// The two triangles of a quadrilateral.
+fn halves(loop_: &[DVec3]) -> [[DVec3; 3]; 2] {
+    [[loop_[0], loop_[1], loop_[2]], [loop_[0], loop_[2], loop_[3]]]
+}
+
+/// A unit sphere seen from outside: each face of an octahedron cut into k² triangles.
+fn octahedral_sphere(k: u32) -> Vec<[DVec3; 3]> {
+    let mut triangles = Vec::new();
+    for octant in 0..8_u32 {
+        let sign = DVec3::from_array([0, 1, 2].map(|axis| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 }));
+        let at = |i: u32, j: u32| (DVec3::new(f64::from(i), f64::from(j), f64::from(k - i - j)) * sign).normalize();
+        for (i, j) in (0..k).flat_map(|i| (0..k - i).map(move |j| (i, j))) {
+            triangles.push([at(i, j), at(i + 1, j), at(i, j + 1)]);
+            if i + j + 1 < k {
+                triangles.push([at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+            }
+        }
+    }
+    let outward = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).dot(t[0]) > 0.0;
+    triangles.into_iter().map(|t| if outward(t) { t } else { [t[0], t[2], t[1]] }).collect()
 }
 
 fn triangle(vertices: [DVec3; 3]) -> Polygon {
     Polygon::new(&vertices).unwrap_or_else(|fault| panic!("{fault}"))
 }
 
-/// `count` pairs of points on two different polygons each, chosen evenly among the polygons.
+/// Numbers without a pattern, the same in every run (Steele, Lea and Flood's SplitMix, 2014).
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Points spread evenly over the area of polygons.
+struct Surface<'a> {
+    polygons: &'a [Polygon],
+    /// Area up to each polygon.
+    areas: Vec<f64>,
+    random: Random,
+}
+
+impl<'a> Surface<'a> {
+    fn new(polygons: &'a [Polygon]) -> Self {
+        let mut area = 0.0;
+        let areas = polygons.iter().map(|p| {
+            area += p.area();
+            area
+        });
+        Self { polygons, areas: areas.collect(), random: Random(SEED) }
+    }
+
+    fn point(&mut self) -> (DVec3, &'a Polygon) {
+        let random = &mut self.random;
+        let area = random.unit() * self.areas.last().copied().unwrap_or(0.0);
+        let polygon = &self.polygons[self.areas.partition_point(|&a| a < area).min(self.areas.len() - 1)];
+        (polygon.sample(random.unit(), random.unit()), polygon)
+    }
+}
+
+/// `count` rays from points spread evenly over polygons, in directions distributed like the cosine.
 ///
 /// # Panics
 ///
-/// If there are fewer than two polygons.
-pub fn segments(polygons: &[Polygon], count: usize) -> Vec<(DVec3, DVec3)> {
-    assert!(polygons.len() >= 2, "segments run between two polygons, got {}", polygons.len());
-    // Steps of the golden ratio and of others like it (R. Kronecker's sequence): spread without a pattern.
-    let spread = |k: usize, step: f64| ((k + 1) as f64 * step).fract();
-    let pick = |k: usize, step: f64| (spread(k, step) * polygons.len() as f64) as usize;
-    let segment = |k: usize| {
-        let i = pick(k, 0.618_033_988_749_895);
-        let j = (i + 1 + pick(k, 0.754_877_666_246_693) % (polygons.len() - 1)) % polygons.len();
-        let from = polygons[i].sample(spread(k, 0.569_840_290_998_053), spread(k, 0.819_172_513_396_164));
-        let to = polygons[j].sample(spread(k, 0.671_043_606_703_789), spread(k, 0.856_674_883_854_503));
-        (from, to)
+/// If there is no polygon.
+pub fn surface_rays(polygons: &[Polygon], count: usize) -> Vec<(DVec3, DVec3)> {
+    let mut surface = Surface::new(polygons);
+    let ray = |_| {
+        let (origin, polygon) = surface.point();
+        let (x, y) = polygon.frame();
+        let (square, (sin, cos)) = (surface.random.unit(), (surface.random.unit() * TAU).sin_cos());
+        (origin, (x * cos + y * sin) * square.sqrt() + polygon.normal() * (1.0 - square).sqrt())
     };
-    (0..count).map(segment).collect()
+    (0..count).map(ray).collect()
+}
+
+/// `count` segments between points spread evenly over polygons that face each other there.
+///
+/// # Panics
+///
+/// If there is no polygon.
+pub fn facing_segments(polygons: &[Polygon], count: usize) -> Vec<(DVec3, DVec3)> {
+    let mut surface = Surface::new(polygons);
+    let pairs = std::iter::repeat_with(|| (surface.point(), surface.point()));
+    let facing = pairs.filter(|((p, i), (q, j))| (*q - *p).dot(i.normal()) > 0.0 && (*p - *q).dot(j.normal()) > 0.0);
+    facing.map(|((p, _), (q, _))| (p, q)).take(count).collect()
 }
 
 /// Rows of a random enclosure as a row-wise estimator would give them: nothing says that they are symmetric, so a

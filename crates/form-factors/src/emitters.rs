@@ -7,8 +7,9 @@
 //! A_s F_sL exact from the pair (s, L);    A_s F_st = A_s F_sL · (estimated share of t in L, by area where none was seen)
 //! ```
 //!
-//! and the entries of all other targets are scaled by one factor, so that the row keeps its sum. What is *not* here: the
-//! choice of what counts as an emitter, and shares within an emitter that are exact.
+//! and the entries of all other targets are scaled by one factor, so that the row keeps its sum. An entry that moves by Δ is off by at
+//! most |Δ| more than before, one that is a whole emitter by no more than its pair: the bound of the row follows. What is *not*
+//! here: the choice of what counts as an emitter, and shares within an emitter that are exact.
 
 use radiosity_core::{Cost, StoreError};
 
@@ -62,17 +63,21 @@ impl<R: Rows, P: Rows> Rows for ExactEmitters<R, P> {
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         let (mut cost, bound) = self.rows.row(s, values)?;
         let mut exact = vec![0.0; self.emitters.len()];
-        let (spent, _) = self.pairs.row(s, &mut exact)?;
+        let (spent, exact_bound) = self.pairs.row(s, &mut exact)?;
         cost += Cost { source_evaluations: 0, ..spent };
         // What the row sees in all, and what of it the emitters take.
         let total: f64 = values.iter().sum();
-        let (mut seen, mut known) = (0.0, 0.0);
+        let (mut seen, mut known, mut moved) = (0.0, 0.0, 0.0_f64);
         for (emitter, exact) in self.emitters.iter().zip(&exact) {
             let found: f64 = emitter.targets.iter().map(|&(t, _)| values[t as usize]).sum();
             let area: f64 = emitter.targets.iter().map(|&(_, area)| area).sum();
             for &(t, share) in &emitter.targets {
                 let value = &mut values[t as usize];
-                *value = if found > 0.0 { *value * (exact / found) } else { exact * share / area };
+                let new = if found > 0.0 { *value * (exact / found) } else { exact * share / area };
+                if emitter.targets.len() > 1 {
+                    moved = moved.max((new - *value).abs());
+                }
+                *value = new;
             }
             seen += found;
             known += exact;
@@ -83,8 +88,11 @@ impl<R: Rows, P: Rows> Rows for ExactEmitters<R, P> {
             let factor = ((total - known) / rest).max(0.0);
             let mut is_emitter = vec![false; values.len()];
             self.emitters.iter().flat_map(|e| &e.targets).for_each(|&(t, _)| is_emitter[t as usize] = true);
-            values.iter_mut().zip(is_emitter).filter(|(_, emits)| !emits).for_each(|(value, _)| *value *= factor);
+            for (value, _) in values.iter_mut().zip(is_emitter).filter(|(_, emits)| !emits) {
+                moved = moved.max(*value * (factor - 1.0).abs());
+                *value *= factor;
+            }
         }
-        Ok((cost, bound))
+        Ok((cost, (bound + moved).max(exact_bound)))
     }
 }

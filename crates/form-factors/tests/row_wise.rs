@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::{Hemicube, HemicubeError};
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
@@ -167,6 +168,30 @@ fn bounds_from_replicates_cover_the_error_and_are_no_more_than_10_times_too_larg
     }
 }
 
+/// As above, with two emitters of two elements and of one: their totals are exact, and the bound makes up for what was scaled.
+#[test]
+fn bounds_with_exact_emitters_cover_the_error() {
+    let facets = room(DVec3::ONE, 4, turned);
+    let (occluders, exact) = (Occluders::of_facets(&facets), exact_rows(&facets));
+    let (mut lights, mut emitters) = (Facets::new(), Vec::new());
+    for members in [&[21, 22][..], &[50]] {
+        lights.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()).collect(), false);
+        emitters.push(Emitter { targets: members.iter().map(|&t| (t as u32, facets.area(t))).collect() });
+    }
+    let rays = RayCast::new(&facets, Receivers::facets(&facets), &occluders, 128, 2);
+    let pairs = PairwiseRows::new(Analytic::new(None), &facets, &lights, 1e-10, 1);
+    let estimator = ExactEmitters::new(rays, pairs, emitters);
+    let (mut covered, mut whole) = (0, 0);
+    for (s, exact) in exact.iter().enumerate() {
+        let mut row = vec![0.0; facets.len()];
+        let (_, bound) = estimator.row(s, &mut row).unwrap();
+        covered += row.iter().zip(exact).filter(|(f, e)| (*f - *e).abs() <= bound).count();
+        whole += usize::from((row[50] - exact[50]).abs() <= 2e-10 * facets.area(s));
+    }
+    assert_eq!(whole, facets.len(), "a whole emitter is exact within both tolerances");
+    assert!(covered as f64 >= 0.99 * (facets.len() * facets.len()) as f64, "{covered} entries within their bounds");
+}
+
 /// Over 96 rows the mean of Σ (F − exact)² is the square of the standard error asked for at most, since rays come in
 /// doubling numbers; stopping early where the estimate happens to be low leaves at most a few percent more.
 #[test]
@@ -232,8 +257,6 @@ fn odd_resolutions_are_refused() {
 /// The entry towards the light is that of the pair (both sums round to 1e-16 of the row), whatever the rays met.
 #[test]
 fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
-    use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
-
     let facets = room(DVec3::new(3.0, 4.0, 5.0), 3, turned);
     let occluders = Occluders::of_facets(&facets);
     let plain = || RayCast::new(&facets, Receivers::facets(&facets), &occluders, 64, 1);

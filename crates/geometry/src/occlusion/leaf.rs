@@ -13,19 +13,19 @@
 //! ```
 //!
 //! with δ the error of a sheared coordinate and M the largest of them, which is at most twice the side of a box that holds the
-//! block, since only lines that meet the box come here.
+//! outlines of the block, since only lines that meet the box of its polygons come here.
 
 use glam::DVec3;
 
 use super::lanes::{LANES, Lanes, Row};
 use crate::{Polygon, polygon::bounds};
 
-/// Error of a sheared coordinate in single precision, the scene scaled to [−1, 1]³: of the vertex 2⁻²⁵ for each of two
-/// coordinates, of the shear 2⁻²⁵, of the origin 2⁻²³, of a difference up to 4 2⁻²³, of a product 2⁻²⁵ and of a sum up to 8
-/// 2⁻²²; 20 · 2⁻²⁵ in all.
-const SHEARED: f64 = 1.0 / (1 << 20) as f64;
+/// Error of a sheared coordinate in single precision, the scene scaled to [−1, 1]³ and outlines no further out than 3: of two
+/// coordinates of a vertex 2⁻²³ each, of the shear 3 · 2⁻²⁵, of the origin 2⁻²³, of a difference up to 6 2⁻²², of a product
+/// 2⁻²³ and of a sum up to 9 2⁻²¹; 43 · 2⁻²⁵ in all.
+const SHEARED: f64 = 1.0 / (1 << 19) as f64;
 
-/// Vertices that a polygon has at most to take part in the quick test.
+/// Vertices of an outline.
 const CORNERS: usize = 4;
 
 /// Rounding of a point computed from scene coordinates, in units of ε times the largest coordinate.
@@ -163,6 +163,18 @@ impl Leaf {
     }
 }
 
+/// Four points around a polygon, in order: its vertices, the last repeated, or of more than four a rectangle in its plane.
+fn outline(p: &Polygon) -> [DVec3; CORNERS] {
+    let vertices = p.vertices();
+    if vertices.len() <= CORNERS {
+        return std::array::from_fn(|c| vertices[c.min(vertices.len() - 1)]);
+    }
+    let ((x, y), centre) = (p.frame(), p.centroid());
+    let within = vertices.iter().map(|v| DVec3::new((*v - centre).dot(x), (*v - centre).dot(y), 0.0));
+    let (lo, hi) = bounds(within);
+    [(lo.x, lo.y), (hi.x, lo.y), (hi.x, hi.y), (lo.x, hi.y)].map(|(u, v)| centre + x * u + y * v)
+}
+
 /// Up to eight polygons of C vertices at most, for the quick test.
 #[derive(Debug)]
 #[repr(C)]
@@ -173,25 +185,24 @@ pub(super) struct Block<const C: usize> {
     first: u32,
     /// A bit for each polygon.
     members: u32,
-    /// Vertices by axis, scaled to [−1, 1]³, the last repeated; no numbers for polygons of more than C, so that they are
-    /// never rejected.
+    /// Vertices of outlines by axis, scaled.
     corners: [[Row; 3]; C],
 }
 
 impl<const C: usize> Block<C> {
     /// A block of polygons whose leaves begin at `first`.
     pub fn new(members: &[&Polygon], first: u32, frame: &Frame) -> Self {
+        let outlines: Vec<[DVec3; CORNERS]> = members.iter().map(|p| outline(p)).collect();
         let mut corners = [[Row([0.0; LANES]); 3]; C];
-        for (lane, polygon) in members.iter().enumerate() {
-            let vertices = polygon.vertices();
-            for (c, corner) in corners.iter_mut().enumerate() {
-                let vertex = frame.scaled(vertices[c.min(vertices.len() - 1)]);
+        for (lane, outline) in outlines.iter().enumerate() {
+            for (corner, vertex) in corners.iter_mut().zip(outline) {
+                let vertex = frame.scaled(*vertex);
                 for (axis, row) in corner.iter_mut().enumerate() {
-                    row.0[lane] = if vertices.len() > C { f32::NAN } else { vertex[axis] as f32 };
+                    row.0[lane] = vertex[axis] as f32;
                 }
             }
         }
-        let (lo, hi) = bounds(members.iter().flat_map(|p| p.vertices().iter().copied()));
+        let (lo, hi) = bounds(outlines.iter().flatten().copied());
         let thickness = members.iter().map(|p| p.thickness()).fold(0.0, f64::max);
         // Vertices off the plane of a polygon move its outline by up to twice that.
         let delta = SHEARED + (frame.rounding + 4.0 * thickness) * frame.scale;
@@ -221,7 +232,6 @@ impl<const C: usize> Block<C> {
         for a in 0..C {
             let b = (a + 1) % C;
             let side = lanes.sub(lanes.mul(x[a], y[b]), lanes.mul(y[a], x[b]));
-            // What is no number stays so, whichever operand comes first.
             (least, most) = (lanes.min(least, side), lanes.max(most, side));
         }
         let (below, above) = (lanes.splat(-self.error), lanes.splat(self.error));
