@@ -186,7 +186,10 @@ impl<'a> Hemicube<'a> {
         count
     }
 
-    /// Row `s` as [`Rows::row`] gives it, with an estimate of the error of every entry in `bounds`.
+    /// Row `s` as [`Rows::row`] gives it, with an estimate of the error of every entry in `bounds`: three standard errors of
+    /// aliasing and the size of proximity. Visibility that differs between the points of the source is not in it.
+    ///
+    /// [`Cost::clear_pairs`] and [`Cost::partial_pairs`] count the entries that came from pairs, wholly seen or in part.
     ///
     /// # Panics
     ///
