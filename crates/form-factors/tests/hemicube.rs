@@ -222,3 +222,20 @@ fn turns_make_noise_of_aliasing() {
     let mean: Vec<f64> = (0..exact.len()).map(|t| seeds.iter().map(|values| values[t]).sum::<f64>() / 64.0).collect();
     assert!(single > 0.0 && rms(&mean) < 2.0 * single / 8.0, "{:e} of 64 turns, {single:e} of one", rms(&mean));
 }
+
+/// A floor of side 2 under a small lid, with a wall beside its middle that hides the lid from a half of it: the middle sees all of
+/// the lid or nothing, 16 points see the share to 1/8 (at most every other one of 4 columns is wrong by half a column).
+#[test]
+fn more_centres_see_what_is_hidden_from_a_part_of_the_source() {
+    let mut facets = Facets::new();
+    facets.push(vec![floor((-1.0, -1.0), (1.0, 1.0))], false);
+    facets.push(vec![lid((0.45, -0.05), (0.55, 0.05), 2.0)], false);
+    let wall = [(0.05, -3.0, 0.0), (0.05, 3.0, 0.0), (0.05, 3.0, 1.9), (0.05, -3.0, 1.9)];
+    facets.push(vec![Polygon::new(&wall.map(|(x, y, z)| DVec3::new(x, y, z))).unwrap()], false);
+    // What the part at x > 0.05 sees of the lid; all of the rest is hidden by the wall, whose top is nearly as high.
+    let seeing = floor((0.05, -1.0), (1.0, 1.0));
+    let exact = unoccluded(&seeing, &facets.polygons(1)[0], 1e-12).value;
+    let found = |times| row(&hemicube(&facets, 128, 1).quartered(times), 0)[1];
+    assert_eq!(found(0), 0.0);
+    assert!((found(2) / exact - 1.0).abs() < 0.125, "{} instead of {exact}", found(2));
+}

@@ -67,8 +67,9 @@ impl Moments {
     /// to leading order. The terms are added without their signs: large targets spread over places where they differ.
     pub fn proximity(&self, d: DVec3, plane: DVec3) -> f64 {
         let rho = d.length_squared();
+        let d = d / rho;
         let m_d = DVec3::new(self.xx * d.x + self.xy * d.y, self.xy * d.x + self.yy * d.y, 0.0);
-        12.0 * d.dot(m_d) / (rho * rho) + (4.0 * plane.dot(m_d).abs() + 2.0 * (self.xx + self.yy)) / rho
+        12.0 * d.dot(m_d) + 4.0 * plane.dot(m_d).abs() + 2.0 * (self.xx + self.yy) / rho
     }
 }
 
@@ -76,11 +77,45 @@ impl Moments {
 pub(super) fn kernel(seen: &Seen, sides: &[Side]) -> f64 {
     let corners: Vec<DVec3> = sides.iter().map(|side| side.corner).collect();
     let d = middle(sides);
+    let rho = d.length_squared();
     // The height of the eye over the target's plane is 1/|plane|.
-    area_vector(&corners).length() * d.z.max(0.0) / (seen.plane.length() * PI * d.length_squared().powi(2))
+    area_vector(&corners).length() / rho * (d.z.max(0.0) / (seen.plane.length() * PI * rho))
 }
 
 /// Mean of the corners.
 pub(super) fn middle(sides: &[Side]) -> DVec3 {
     sides.iter().map(|side| side.corner).sum::<DVec3>() / sides.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rectangle 1 × 2 has moments 1/12 and 4/12 over its area. Straight over its middle k = z²/(π d⁴) has second derivatives
+    /// −4k/z² along x and along y. On the horizon along x, towards a target that faces the source, the three terms are 24, 8 and 4
+    /// along x and 4 along y.
+    #[test]
+    fn moments_and_proximity_of_a_rectangle() {
+        let corners = [(-0.5, -1.0), (0.5, -1.0), (0.5, 1.0), (-0.5, 1.0)].map(|(x, y)| DVec3::new(x + 3.0, y, 2.0));
+        let source = Polygon::new(&corners).unwrap();
+        let frame = Frame::new(&source, 0.0);
+        let moments = Moments::of(&source, &frame);
+        assert!((moments.xx - 1.0 / 12.0).abs() < 1e-15 && (moments.yy - 4.0 / 12.0).abs() < 1e-15);
+        assert!(moments.xy.abs() < 1e-15);
+        let over = moments.proximity(DVec3::Z * 10.0, DVec3::Z / 10.0);
+        assert!((over - 0.5 * 5.0 / 12.0 * 4.0 / 100.0).abs() < 1e-15, "{over}");
+        let beside = moments.proximity(DVec3::X * 10.0, DVec3::X / 10.0);
+        assert!((beside - 0.5 * ((24.0 + 8.0 + 4.0) / 12.0 + 4.0 * 4.0 / 12.0) / 100.0).abs() < 1e-15, "{beside}");
+    }
+
+    /// A hidden receiver may show up to its share of a pixel; a run of 3 pixels in one row has 2 crossings along the row
+    /// and 6 along columns.
+    #[test]
+    fn aliasing_counts_crossings_along_rows_and_columns() {
+        let pixel = 1e-3;
+        let row = Shown { factor: 3.0 * pixel, pixels: 3, runs: 1, ends: 2.0 * pixel * pixel, ..Shown::default() };
+        assert!((aliasing(&row) / (8.0 * pixel * pixel / 12.0) - 1.0).abs() < 1e-12);
+        let hidden = Shown { whole: 5.0 * pixel, whole_pixels: 5, ..Shown::default() };
+        assert!((aliasing(&hidden) / (2.0 * pixel * pixel / 12.0) - 1.0).abs() < 1e-12);
+    }
 }

@@ -13,7 +13,7 @@
 //! - **Aliasing.** A receiver is resolved to whole pixels: an error of half a ΔF a border pixel. Each source's hemicube is
 //!   turned about its normal by an angle of its own, which makes noise of it.
 //! - **Proximity.** The sender is a point, which is wrong for receivers nearer than about five times its diameter.
-//! - **Visibility** is that of the centre. Nothing here estimates or mends that.
+//! - **Visibility** is that of the centre. No bound covers that; [`Hemicube::quartered`] looks from more points.
 //!
 //! The first two are estimated for every entry (see `estimate`). Where proximity is the larger, and for receivers of few
 //! pixels or none, the pixels say only what share of the receiver is seen, and `near` multiplies the analytic factor of
@@ -36,6 +36,7 @@ mod raster;
 mod solids;
 mod view;
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
 
@@ -64,6 +65,7 @@ pub struct Hemicube<'a> {
     seed: u64,
     arch: Arch,
     exact_near: bool,
+    quarterings: u32,
     canvases: Spare<Canvas>,
     scratch: Spare<Scratch>,
 }
@@ -142,6 +144,7 @@ impl<'a> Hemicube<'a> {
             seed,
             arch: Arch::new(),
             exact_near: true,
+            quarterings: 0,
             canvases: Spare(Mutex::default()),
             scratch: Spare(Mutex::default()),
         })
@@ -153,6 +156,14 @@ impl<'a> Hemicube<'a> {
         Self { exact_near, ..self }
     }
 
+    /// Cuts every polygon of a source into 4 parts, and those again, `times` times (8 at most), with a hemicube for each.
+    ///
+    /// Visibility is then that of 4^`times` points, which is what is wrong at shadows; proximity falls by 4 each time.
+    #[must_use]
+    pub fn quartered(self, times: u32) -> Self {
+        Self { quarterings: times.min(8), ..self }
+    }
+
     /// Compiled for `arch` instead of the best instruction set of the machine. No bit of any row depends on it.
     #[must_use]
     pub fn on(self, arch: Arch) -> Self {
@@ -162,9 +173,9 @@ impl<'a> Hemicube<'a> {
     /// What the hemicubes of source `s` show.
     pub fn pixels(&self, s: usize) -> PixelCount {
         let mut count = PixelCount::default();
-        for polygon in self.sources.polygons(s) {
+        for (k, part) in self.parts(s).iter().enumerate() {
             self.scratch.with(|scratch| {
-                self.draw(&self.frame(s, polygon), scratch);
+                self.draw(&self.frame(s, k, part), scratch);
                 for face in &scratch.faces {
                     count.empty += face[EMPTY].pixels;
                     count.back += face[BACK].pixels;
@@ -175,7 +186,10 @@ impl<'a> Hemicube<'a> {
         count
     }
 
-    /// Row `s` as [`Rows::row`] gives it, with an estimate of the error of every entry in `bounds`.
+    /// Row `s` as [`Rows::row`] gives it, with an estimate of the error of every entry in `bounds`: three standard errors of
+    /// aliasing and the size of proximity. Visibility that differs between the points of the source is not in it.
+    ///
+    /// [`Cost::clear_pairs`] and [`Cost::partial_pairs`] count the entries that came from pairs, wholly seen or in part.
     ///
     /// # Panics
     ///
@@ -188,11 +202,11 @@ impl<'a> Hemicube<'a> {
             return Cost::default();
         }
         let mut cost = Cost { form_factors: values.len() as u64, source_evaluations: 1, ..Cost::default() };
-        for polygon in self.sources.polygons(s) {
-            let frame = self.frame(s, polygon);
+        for (k, part) in self.parts(s).iter().enumerate() {
+            let frame = self.frame(s, k, part);
             self.scratch.with(|scratch| {
                 self.draw(&frame, scratch);
-                cost += self.entries(polygon, &frame, scratch);
+                cost += self.entries(part, &frame, scratch);
                 for entry in &scratch.entries {
                     values[entry.target as usize] += entry.value;
                     bounds[entry.target as usize] += entry.bound;
@@ -203,9 +217,19 @@ impl<'a> Hemicube<'a> {
         cost
     }
 
-    fn frame(&self, s: usize, polygon: &Polygon) -> Frame {
-        let turn = TAU * (mix(self.seed ^ s as u64) >> 11) as f64 / (1_u64 << 53) as f64;
-        Frame::new(polygon, turn)
+    /// What takes a hemicube each: the polygons of source `s` or the parts they are cut into.
+    fn parts(&self, s: usize) -> Cow<'a, [Polygon]> {
+        let mut parts = Cow::Borrowed(self.sources.polygons(s));
+        for _ in 0..self.quarterings {
+            parts = Cow::Owned(parts.iter().flat_map(quarters).collect());
+        }
+        parts
+    }
+
+    /// The frame of part `k` of source `s`.
+    fn frame(&self, s: usize, k: usize, part: &Polygon) -> Frame {
+        let random = mix(mix(self.seed ^ s as u64).wrapping_add(k as u64));
+        Frame::new(part, TAU * (random >> 11) as f64 / (1_u64 << 53) as f64)
     }
 
     /// Draws the five faces from `frame` and puts together what they show.
@@ -224,6 +248,18 @@ impl<'a> Hemicube<'a> {
             face.iter().zip(&of_face[FIRST..]).for_each(|(&k, more)| shown[k as usize].add(more));
         }
     }
+}
+
+/// A polygon cut through its centroid along the axes of its frame; fewer parts where one would have no area.
+fn quarters(polygon: &Polygon) -> Vec<Polygon> {
+    let (u, v) = polygon.frame();
+    // Corners as near to a cut as that count as on it, whatever rounding says.
+    let snap = 1e-9 * polygon.diameter();
+    let cut = |part: Polygon, normal| match part.split(part.centroid(), normal, snap) {
+        Some((front, back)) => vec![front, back],
+        None => vec![part],
+    };
+    cut(polygon.clone(), u).into_iter().flat_map(|half| cut(half, v)).collect()
 }
 
 impl Rows for Hemicube<'_> {

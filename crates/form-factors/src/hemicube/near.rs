@@ -1,12 +1,15 @@
-//! Entries of a row from what a hemicube shows, analytic where it is no good.
+//! Entries of a row from what a hemicube shows, from pairs where pixels are no good.
+//!
+//! A pair takes about as long as some hundred pixels. It is taken where the estimate of proximity exceeds a standard error of
+//! aliasing, so that finer pixels would not help, and where a receiver covers too few pixels to be told from its neighbours.
 
 use radiosity_core::Cost;
 use radiosity_geometry::Polygon;
 use rayon::prelude::*;
 
 use super::estimate::{Moments, aliasing, kernel, middle};
-use super::raster::{BACK, EMPTY};
-use super::view::Frame;
+use super::raster::{BACK, EMPTY, Shown};
+use super::view::{Frame, View};
 use super::{Hemicube, Scratch};
 use crate::analytic::unoccluded;
 
@@ -43,69 +46,71 @@ enum Kind {
     Share,
 }
 
+/// A polygon that sends, with what its hemicube sees.
+struct Sender<'a> {
+    polygon: &'a Polygon,
+    moments: Moments,
+    view: &'a View,
+    exact_near: bool,
+}
+
+impl Sender<'_> {
+    /// The entry that the pixels give, with whether it is to come from the pair.
+    fn by_pixels(&self, seen: u32, target: u32, shown: &Shown) -> Entry {
+        let (area, of) = (self.polygon.area(), &self.view.seen[seen as usize]);
+        let sides = &self.view.sides[of.sides.clone()];
+        let (sigma, proximity) =
+            (aliasing(shown).sqrt(), shown.factor * self.moments.proximity(middle(sides), of.plane));
+        let between_pixels = if shown.whole_pixels == 0 { kernel(of, sides) } else { 0.0 };
+        let visible = shown.pixels > 0 || shown.glimpsed;
+        let kind = match self.exact_near && visible && (proximity > sigma || shown.whole_pixels < FEW) {
+            false => Kind::Pixels,
+            true if shown.pixels == shown.whole_pixels => Kind::Whole,
+            true => Kind::Share,
+        };
+        let bound = area * (SIGMAS * sigma + proximity + between_pixels);
+        Entry { seen, target, value: area * shown.factor, bound, kind }
+    }
+
+    /// The entry that the pair with `target` gives.
+    fn by_pair(&self, entry: Entry, target: &Polygon, shown: &Shown) -> Entry {
+        let whole = unoccluded(self.polygon, target, TOLERANCE);
+        if entry.kind == Kind::Whole {
+            return Entry { value: whole.value, bound: whole.bound, ..entry };
+        }
+        let (share, error) = (shown.factor / shown.whole, SIGMAS * aliasing(shown).sqrt() / shown.whole);
+        Entry { value: whole.value * share, bound: whole.bound + whole.value * error, ..entry }
+    }
+}
+
 impl Hemicube<'_> {
-    /// Entries of the row of `source` from what `scratch` shows, and what the analytic ones cost.
+    /// Entries of the row of `source` from what `scratch` shows, and the pairs that some of them took.
     pub(super) fn entries(&self, source: &Polygon, frame: &Frame, scratch: &mut Scratch) -> Cost {
         let Scratch { view, faces, shown, entries } = scratch;
-        let (area, moments) = (source.area(), Moments::of(source, frame));
+        let (view, shown) = (&*view, &shown[..]);
+        let sender = Sender { polygon: source, moments: Moments::of(source, frame), view, exact_near: self.exact_near };
         entries.clear();
-        // Whatever else the pixels show: nothing, backs, and fronts that do not receive.
-        let mut other: f64 = faces.iter().map(|face| face[EMPTY].factor + face[BACK].factor).sum::<f64>() * area;
-        for (k, (seen, shown)) in view.seen.iter().zip(&*shown).enumerate() {
-            if !seen.front {
-                continue;
+        // What else the pixels show: nothing, backs, and fronts that do not receive.
+        let mut other: f64 = faces.iter().map(|face| face[EMPTY].factor + face[BACK].factor).sum();
+        for (k, (seen, shown)) in view.seen.iter().zip(shown).enumerate().filter(|(_, (seen, _))| seen.front) {
+            match self.polygons[seen.polygon as usize].1 {
+                Some(target) => entries.push(sender.by_pixels(k as u32, target, shown)),
+                None => other += shown.factor,
             }
-            let Some(target) = self.polygons[seen.polygon as usize].1 else {
-                other += area * shown.factor;
-                continue;
-            };
-            let sides = &view.sides[seen.sides.clone()];
-            let value = area * shown.factor;
-            let proximity = moments.proximity(middle(sides), seen.plane);
-            let unseen = if shown.whole_pixels == 0 { kernel(seen, sides) } else { 0.0 };
-            let sigma = aliasing(shown).sqrt();
-            let bound = area * (SIGMAS * sigma + proximity * shown.factor + unseen);
-            let visible = shown.pixels > 0 || shown.glimpsed;
-            let poor = proximity * shown.factor > sigma || shown.whole_pixels < FEW;
-            let kind = match self.exact_near && visible && poor {
-                false => Kind::Pixels,
-                true if shown.pixels == shown.whole_pixels => Kind::Whole,
-                true => Kind::Share,
-            };
-            entries.push(Entry { seen: k as u32, target, value, bound, kind });
         }
-        if !self.exact_near {
-            return Cost::default();
-        }
-        let shown = &*shown;
         let near: Vec<usize> = (0..entries.len()).filter(|&k| entries[k].kind != Kind::Pixels).collect();
-        let exact: Vec<Entry> = near
-            .par_iter()
-            .with_min_len(PIECE)
-            .map(|&k| {
-                let (entry, shown) = (entries[k], &shown[entries[k].seen as usize]);
-                let target = self.polygons[view.seen[entry.seen as usize].polygon as usize].0;
-                let whole = unoccluded(source, target, TOLERANCE);
-                match entry.kind {
-                    Kind::Whole => Entry { value: whole.value, bound: whole.bound, ..entry },
-                    _ => {
-                        let share = shown.factor / shown.whole;
-                        let error = SIGMAS * aliasing(shown).sqrt() / shown.whole;
-                        Entry { value: whole.value * share, bound: whole.bound + whole.value * error, ..entry }
-                    }
-                }
-            })
-            .collect();
-        let cost = Cost {
-            clear_pairs: exact.iter().filter(|entry| entry.kind == Kind::Whole).count() as u64,
-            partial_pairs: exact.iter().filter(|entry| entry.kind == Kind::Share).count() as u64,
-            ..Cost::default()
+        let by_pair = |&k: &usize| {
+            let (entry, seen) = (entries[k], entries[k].seen as usize);
+            sender.by_pair(entry, self.polygons[view.seen[seen].polygon as usize].0, &shown[seen])
         };
-        for (k, entry) in near.into_iter().zip(exact) {
-            entries[k] = entry;
+        let pairs: Vec<Entry> = near.par_iter().with_min_len(PIECE).map(by_pair).collect();
+        let of_kind = |kind: Kind| pairs.iter().filter(|entry| entry.kind == kind).count() as u64;
+        let (clear_pairs, partial_pairs) = (of_kind(Kind::Whole), of_kind(Kind::Share));
+        near.into_iter().zip(pairs).for_each(|(k, entry)| entries[k] = entry);
+        if self.exact_near {
+            close(entries, source.area(), other);
         }
-        close(entries, area, other);
-        cost
+        Cost { clear_pairs, partial_pairs, ..Cost::default() }
     }
 }
 
