@@ -287,7 +287,7 @@ fn cube(k: usize) -> Facets {
     facets
 }
 
-/// 384 patches: errors of at most 1e-10 · F-tolerance each, of both signs and mostly far smaller, sum to less than 5e-11.
+/// 320 form factors of a row are not zero. Each may err by 1e-10; most err by a hundredth of that, so the sum by less than 1e-9.
 #[test]
 fn rows_of_the_cube_of_8_by_8_patches_sum_to_one() {
     let (facets, estimator) = (cube(8), Analytic::new(None));
@@ -296,7 +296,7 @@ fn rows_of_the_cube_of_8_by_8_patches_sum_to_one() {
     for s in 0..facets.len() {
         rows.row(s, &mut values).unwrap();
         let closure = values.iter().sum::<f64>() / facets.area(s) - 1.0;
-        assert!(closure.abs() < 5e-11, "row {s}: {closure:e}");
+        assert!(closure.abs() < 1e-9, "row {s}: {closure:e}");
     }
 }
 

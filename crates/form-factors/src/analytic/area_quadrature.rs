@@ -71,16 +71,16 @@ pub(super) fn integrate(pair: &FacingPair, absolute: f64, relative: f64) -> Opti
 /// A convex quadrilateral or triangle as x(s, t) = c + s u + t v + s t w.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
-    c: DVec3,
-    u: DVec3,
-    v: DVec3,
-    w: DVec3,
-    n: DVec3,
+    pub c: DVec3,
+    pub u: DVec3,
+    pub v: DVec3,
+    pub w: DVec3,
+    pub n: DVec3,
     /// Jacobian j₀ + s j_s + t j_t: it is linear because the cell is flat.
-    j0: f64,
-    js: f64,
-    jt: f64,
-    corners: [DVec3; 4],
+    pub j0: f64,
+    pub js: f64,
+    pub jt: f64,
+    pub corners: [DVec3; 4],
 }
 
 impl Cell {
@@ -105,7 +105,7 @@ impl Cell {
         (self.c + self.u * s + (self.v + self.w * s) * t, self.j0 + self.js * s + self.jt * t)
     }
 
-    fn area(&self) -> f64 {
+    pub fn area(&self) -> f64 {
         4.0 * self.j0
     }
 

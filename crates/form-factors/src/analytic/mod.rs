@@ -14,23 +14,31 @@
 //! What is *not* here: patches that are not flat, surfaces other than polygons, and exact partial visibility.
 
 mod area_quadrature;
+mod blocks;
 mod closed_forms;
 mod contour;
 mod differential;
 mod gauss;
+mod lanes;
+mod order;
 mod pair;
+mod patch;
+mod pose;
 mod sampling;
 mod unoccluded;
 mod visibility;
 
 use radiosity_core::Cost;
-use radiosity_geometry::{Occluders, Polygon};
+use radiosity_geometry::{Facets, Occluders, Polygon};
 
+pub use blocks::{FacetBlocks, Level};
 pub use closed_forms::{opposed_rectangles, perpendicular_rectangles};
 pub use differential::differential;
 pub use unoccluded::unoccluded;
 
-use crate::{Estimate, Pairwise};
+use crate::{Estimate, Pairwise, Run};
+use area_quadrature::Bounded;
+use blocks::{AWAY, Source};
 use pair::FacingPair;
 use sampling::visible_share;
 use visibility::{Visibility, classify};
@@ -40,6 +48,8 @@ const SAMPLES: u32 = 256;
 /// Form factor (the larger of F_ij and F_ji) from which on a pair gets more segments, in proportion: the sum of variances
 /// Σ F²/N at a given sum of N is least for N ∝ F, and the segments of a row stay below samples · (pairs + 300).
 const LARGE: f64 = 1.0 / 300.0;
+/// Targets whose bounds are kept at once.
+const RUN: usize = 256;
 
 /// Exchange areas of pairs of convex polygons: unoccluded values to a tolerance, times a sampled visible share where
 /// something may lie between.
@@ -70,6 +80,7 @@ const LARGE: f64 = 1.0 / 300.0;
 pub struct Analytic<'a> {
     occluders: Option<&'a Occluders>,
     samples: u32,
+    level: Level,
 }
 
 impl<'a> Analytic<'a> {
@@ -77,13 +88,52 @@ impl<'a> Analytic<'a> {
     ///
     /// The polygons of the pairs themselves may be among them: a polygon does not block what lies in its plane.
     pub fn new(occluders: Option<&'a Occluders>) -> Self {
-        Self { occluders: occluders.filter(|occluders| !occluders.is_empty()), samples: SAMPLES }
+        Self { occluders: occluders.filter(|occluders| !occluders.is_empty()), samples: SAMPLES, level: Level::best() }
     }
 
     /// Tests partial pairs with at least `samples` segments; pairs with F > 1/300 get 300 F times as many.
     #[must_use]
     pub fn samples(self, samples: u32) -> Self {
         Self { samples, ..self }
+    }
+
+    /// Kernels of another instruction set than the best, to compare them.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn at_level(self, level: Level) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The estimate of a pair whose unoccluded value is `whole()`: that, nothing, or a share of it.
+    fn finish(&self, pair: &FacingPair, smaller: f64, seed: u64, whole: impl FnOnce() -> Bounded) -> Estimate {
+        let cost = Cost { form_factors: 1, ..Cost::default() };
+        let visibility = self.occluders.map_or(Visibility::Clear, |occluders| classify(occluders, pair));
+        if let Visibility::Hidden = visibility {
+            return Estimate { cost: Cost { hidden_pairs: 1, ..cost }, ..Estimate::default() };
+        }
+        let whole = whole();
+        match visibility {
+            Visibility::Partial(blocking) => {
+                let more = (whole.value / (smaller * LARGE)).max(1.0);
+                // Conversion saturates: more segments than there are points in the sequence are not used.
+                let share = visible_share(pair, &blocking, (f64::from(self.samples) * more) as u32, seed);
+                Estimate {
+                    value: whole.value * share.visible,
+                    bound: 3.0 * share.error * whole.value + whole.bound,
+                    cost: Cost { partial_pairs: 1, rays: share.rays, ..cost },
+                }
+            }
+            _ => Estimate { value: whole.value, bound: whole.bound, cost: Cost { clear_pairs: 1, ..cost } },
+        }
+    }
+
+    /// The estimate of target t, whose unoccluded value with the source is `whole`.
+    fn visible(&self, run: &Run<'_>, t: usize, whole: Bounded) -> Estimate {
+        let pair = run.polygons(t).next().and_then(|(i, j, seed)| {
+            let pair = FacingPair::new(i, j)?;
+            Some((pair, i.area().min(j.area()), seed))
+        });
+        pair.map_or(Estimate::default(), |(pair, smaller, seed)| self.finish(&pair, smaller, seed, || whole))
     }
 }
 
@@ -95,24 +145,45 @@ impl Pairwise for Analytic<'_> {
     fn exchange(&self, i: &Polygon, j: &Polygon, tolerance: f64, seed: u64) -> Estimate {
         let Some(pair) = FacingPair::new(i, j) else { return Estimate::default() };
         let smaller = i.area().min(j.area());
-        let cost = Cost { form_factors: 1, ..Cost::default() };
-        let visibility = self.occluders.map_or(Visibility::Clear, |occluders| classify(occluders, &pair));
-        if let Visibility::Hidden = visibility {
-            return Estimate { cost: Cost { hidden_pairs: 1, ..cost }, ..Estimate::default() };
-        }
-        let whole = unoccluded::exchange_area(&pair, smaller, tolerance);
-        match visibility {
-            Visibility::Partial(blocking) => {
-                let more = (whole.value / (smaller * LARGE)).max(1.0);
-                // Conversion saturates: more segments than there are points in the sequence are not used.
-                let share = visible_share(&pair, &blocking, (f64::from(self.samples) * more) as u32, seed);
-                Estimate {
-                    value: whole.value * share.visible,
-                    bound: 3.0 * share.error * whole.value + whole.bound,
-                    cost: Cost { partial_pairs: 1, rays: share.rays, ..cost },
-                }
+        self.finish(&pair, smaller, seed, || unoccluded::exchange_area(&pair, smaller, tolerance))
+    }
+
+    fn lay_out(&self, targets: &Facets) -> Option<FacetBlocks> {
+        Some(FacetBlocks::new(targets))
+    }
+
+    fn exchange_run(&self, run: &Run<'_>, values: &mut [f64]) -> (Cost, f64) {
+        let Some(blocks) = run.blocks else { return run.one_by_one(self, values) };
+        let swapped = if run.symmetric() { run.s } else { 0 };
+        let source = Source { facets: run.sources, s: run.s, swapped, tolerance: run.tolerance };
+        let (mut cost, mut worst) = (Cost::default(), 0.0_f64);
+        let mut bounds = [AWAY; RUN];
+        for (from, values) in (run.from..).step_by(RUN).zip(values.chunks_mut(RUN)) {
+            let bounds = &mut bounds[..values.len()];
+            blocks.fill(self.level, source, from, values, bounds);
+            let whole = bounds.iter().filter(|bound| **bound >= 0.0).count();
+            worst = bounds.iter().fold(worst, |worst, bound| worst.max(*bound));
+            if self.occluders.is_none() {
+                cost.form_factors += whole as u64;
+                cost.clear_pairs += whole as u64;
             }
-            _ => Estimate { value: whole.value, bound: whole.bound, cost: Cost { clear_pairs: 1, ..cost } },
+            let left = bounds.iter().filter(|bound| bound.is_nan()).count();
+            if left == 0 && (whole == 0 || self.occluders.is_none()) {
+                continue;
+            }
+            for ((t, value), bound) in (from..).zip(values).zip(bounds.iter()) {
+                let estimate = if bound.is_nan() {
+                    run.pair(self, t)
+                } else if *bound >= 0.0 && self.occluders.is_some() {
+                    self.visible(run, t, Bounded { value: *value, bound: *bound })
+                } else {
+                    continue;
+                };
+                *value = estimate.value;
+                cost += estimate.cost;
+                worst = worst.max(estimate.bound);
+            }
         }
+        (cost, worst)
     }
 }

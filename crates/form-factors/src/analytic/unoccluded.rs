@@ -11,7 +11,7 @@ use crate::Estimate;
 
 /// Relative error asked for, as a multiple of the absolute tolerance on F: far pairs, whose F may lie below the tolerance,
 /// keep 7 digits at the default 1e-10.
-const RELATIVE: f64 = 1e3;
+pub(super) const RELATIVE: f64 = 1e3;
 
 /// A_i F_ij of two convex polygons, as if nothing lay between them.
 ///
