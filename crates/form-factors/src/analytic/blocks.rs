@@ -1,6 +1,6 @@
 //! Facets laid out for many pairs at a time, and a row of exchange areas over them.
 //!
-//! Targets lie in blocks of eight, number by number ([`Patch`]), 400 bytes a facet. For a source and a block, pairs that face
+//! Targets lie in blocks of eight, number by number ([`Patch`]), 376 bytes a facet. For a source and a block, pairs that face
 //! away are 0; each of the others gets the orders that its bound asks for ([`Pose`]), and the block is integrated once for
 //! each set of orders that occurs in it. Neighbours of a mesh are neighbours in its list, so that is mostly once. So a
 //! value depends on its pair alone: not on the block, the side that asks, or the number of threads. It does depend, by
@@ -12,7 +12,7 @@
 use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
-use pulp::{Scalar256b, Simd, WithSimd};
+use pulp::{Scalar, Simd, WithSimd};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
@@ -20,7 +20,7 @@ use super::area_quadrature::Cell;
 use super::lanes::{BLOCK, Eight, Lane, Load};
 use super::pair::rounding;
 use super::patch::{Patch, set_lane};
-use super::pose::{MAX_EVALUATIONS, Pose};
+use super::pose::{MAX_EVALUATIONS, Pose, ROUNDING};
 
 /// Blocks that one task lays out.
 const PIECE: usize = 64;
@@ -37,7 +37,7 @@ pub enum Level {
     /// AVX2 and FMA: 4 pairs.
     #[cfg(target_arch = "x86_64")]
     Avx2(V3),
-    /// What every processor has.
+    /// What every processor has: one pair after another (without fused products, which would be calls).
     Plain,
 }
 
@@ -65,7 +65,7 @@ impl Level {
             Self::Avx512(simd) => Simd::vectorize(simd, work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(simd) => Simd::vectorize(simd, work),
-            Self::Plain => work.with_simd(Scalar256b),
+            Self::Plain => work.with_simd(Scalar::new()),
         }
     }
 }
@@ -73,9 +73,17 @@ impl Level {
 /// Facets laid out for estimators that take several pairs at a time.
 #[derive(Clone, Debug)]
 pub struct FacetBlocks {
-    blocks: Vec<Patch<Eight>>,
+    blocks: Vec<Block>,
     /// Power of two that brings the facets to a size of about 1.
     scale: f64,
+}
+
+/// Eight facets side by side.
+#[derive(Clone, Debug, Default)]
+struct Block {
+    patch: Patch<Eight>,
+    /// Whether all are parallelograms.
+    flat: bool,
 }
 
 impl FacetBlocks {
@@ -85,14 +93,15 @@ impl FacetBlocks {
         let (lo, hi) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
         let size = (hi - lo).max_element();
         let scale = if size > 0.0 && size.is_finite() { 2.0_f64.powi(-(size.log2() as i32)) } else { 1.0 };
-        let mut blocks = vec![Patch::default(); facets.len().div_ceil(BLOCK)];
+        let mut blocks = vec![Block::default(); facets.len().div_ceil(BLOCK)];
         blocks.par_chunks_mut(PIECE).enumerate().for_each(|(piece, blocks)| {
             for (k, block) in blocks.iter_mut().enumerate() {
                 for lane in 0..BLOCK {
                     let t = (piece * PIECE + k) * BLOCK + lane;
                     let patch = if t < facets.len() { patch(facets, t, scale) } else { Patch::absent() };
-                    set_lane(block, lane, &patch);
+                    set_lane(&mut block.patch, lane, &patch);
                 }
+                block.flat = block.patch.w.iter().all(|w| w.0 == [0.0; BLOCK]);
             }
         });
         Self { blocks, scale }
@@ -173,7 +182,7 @@ impl WithSimd for Fill<'_> {
         let mut first = from / width * width;
         while first < end {
             let (block, part) = (&blocks[first / BLOCK], first % BLOCK / width);
-            let flat = source_flat && block.w.iter().all(|w| w.0 == [0.0; BLOCK]);
+            let (flat, block) = (source_flat && block.flat, &block.patch);
             let (begin, stop) = (from.max(first), end.min(first + width));
             let middle = swapped.clamp(begin, stop);
             if begin < middle {
@@ -214,10 +223,14 @@ struct Found<S: Simd> {
 impl<S: Simd> Found<S> {
     #[inline(always)]
     fn write(&self, lanes: std::ops::Range<usize>, values: &mut [f64], bounds: &mut [f64]) {
-        let (value, bound) = (self.value.to_array(), self.bound.to_array());
         let count = lanes.len();
-        values[..count].copy_from_slice(&value[lanes.clone()]);
-        bounds[..count].copy_from_slice(&bound[lanes]);
+        if count == S::F64_LANES {
+            S::as_mut_simd_f64s(&mut values[..count]).0[0] = self.value.v;
+            S::as_mut_simd_f64s(&mut bounds[..count]).0[0] = self.bound.v;
+        } else {
+            values[..count].copy_from_slice(&self.value.to_array()[lanes.clone()]);
+            bounds[..count].copy_from_slice(&self.bound.to_array()[lanes]);
+        }
     }
 }
 
@@ -245,19 +258,19 @@ fn pairs<S: Simd, A: Load<S>, B: Load<S>, const TWISTED: bool>(
         found.q[0].fma(one.all(BASE), found.q[1]).fma(one.all(BASE * BASE), found.q[2].fma(one.all(BASE), found.q[3]));
     // Too near for any order, or for so many points.
     let near = count.at_most(zero).or(one.all(MAX_EVALUATIONS as f64 + 0.5).at_most(count));
-    let key = near.or(one.at_most(idle)).select(zero, key);
+    let mut key = near.or(one.at_most(idle)).select(zero, key);
     let mut value = zero;
-    let mut keys = key.to_array();
-    for lane in 0..S::F64_LANES {
-        let this = keys[lane];
-        if this > 0.0 {
-            keys.iter_mut().for_each(|key| *key = if *key == this { 0.0 } else { *key });
-            let this_value = pose.integrate::<TWISTED>(digits(this));
-            value = key.equals(one.all(this)).select(this_value, value);
+    loop {
+        let highest = key.greatest();
+        if highest == 0.0 {
+            break;
         }
+        let these = one.all(highest).at_most(key);
+        value = these.select(pose.integrate::<TWISTED>(digits(highest)), value);
+        key = these.select(zero, key);
     }
     let value = value.max(zero).min(smaller);
-    let bound = value.fma(one.all(64.0 * f64::EPSILON), found.bound + pose.uneven());
+    let bound = value.fma(one.all(ROUNDING), found.bound + pose.uneven());
     let area = one.all(setting.area);
     let left = single.or(near).select(no_number, bound * area);
     Found { value: value * area, bound: away.select(away_bound, left) }

@@ -79,16 +79,16 @@ impl<S: Simd> Lane<S> {
         Mask { simd: self.simd, m: self.simd.less_than_or_equal_f64s(self.v, other.v) }
     }
 
-    /// Lanes in which both are the same number.
-    #[inline(always)]
-    pub fn equals(self, other: Self) -> Mask<S> {
-        self.at_most(other).and(other.at_most(self))
-    }
-
     /// Least of all lanes.
     #[inline(always)]
     pub fn least(self) -> f64 {
         self.simd.reduce_min_f64s(self.v)
+    }
+
+    /// Greatest of all lanes.
+    #[inline(always)]
+    pub fn greatest(self) -> f64 {
+        self.simd.reduce_max_f64s(self.v)
     }
 
     /// The lanes as an array of which the first are used.

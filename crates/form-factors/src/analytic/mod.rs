@@ -2,14 +2,20 @@
 //!
 //! | pair | rule | range | order | error bound |
 //! |---|---|---|---|---|
-//! | separated | 4-D Gauss product rule | every σ = h/D ≤ 0.4 and at most 2,500 points | 1 to 8 a direction, from the bound | proven (Gegenbauer series) and rounding |
+//! | facing away | 0 | no corner of one more than rounding above the other's plane | | |
+//! | separated | 4-D Gauss product rule | every σ = h/D ≤ 0.4 and at most 2,500 points | 1 to 8 a direction, from the bound | proven (Gegenbauer series, `order`) and rounding |
 //! | near, touching, tiny gap | contour integral, inner edge and corner logarithms closed, Gauss–Kronrod outside | all others | 7/15, panels bisected | difference of the two rules, singularities left alone, rounding |
 //! | crossing a plane | clipped at the horizon, then as above | | | as above |
 //! | partly blocked | unoccluded value × Σ kV/Σ k | where the classification says so | 256 segments a pair and more for large F | three standard errors and the above |
 //!
-//! h is half the length of a patch along one direction and D its distance from the partner (see `area_quadrature`). Both
+//! h is half the length of a patch along one direction and D its distance from the partner (see `order`). Both
 //! rules aim at max(tolerance · min(A_i, A_j), rounding) and 1000 · tolerance relative. Nothing is clipped, split or compared at
-//! an absolute length; coordinates are taken relative to the pair.
+//! an absolute length; coordinates are taken relative to the pair. Equal squares side by side are separated from about two
+//! sides between their centres on; at 1e-8 two points a direction do from about 15 sides on, three from 6.
+//!
+//! Rows take separated pairs of triangles and quadrilaterals several at a time ([`FacetBlocks`]) and all others one by one,
+//! by the same bound. The bound is about 7 times the error in the median between the cells of a cube, and the worst error
+//! about a quarter of the tolerance: a tolerance of 3.5e-9 gives errors of at most 1e-9.
 //!
 //! What is *not* here: patches that are not flat, surfaces other than polygons, and exact partial visibility.
 

@@ -17,7 +17,7 @@ pub(super) struct Patch<T> {
     pub w: [T; 3],
     /// Unit normal; zero for what takes no part.
     pub n: [T; 3],
-    /// Height of the centre over the plane through p.
+    /// Height of the centre over the plane through the first corner.
     pub offset: T,
     pub area: T,
     /// Relative slopes of the Jacobian along s and t.
@@ -74,7 +74,7 @@ impl Patch<f64> {
             v: v.to_array(),
             w: w.to_array(),
             n: n.to_array(),
-            offset: n.dot(c),
+            offset: n.dot(c - corners[0]),
             area: 4.0 * j0,
             kappa: if flat { [0.0; 2] } else { [js / j0, jt / j0] },
             gram: [u.dot(u), u.dot(v), v.dot(v), w.dot(w), u.dot(w), v.dot(w)],

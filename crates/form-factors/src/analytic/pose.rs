@@ -23,6 +23,9 @@ use super::patch::Patch;
 /// Kernel evaluations a pair may cost; beyond it the contour rule is cheaper.
 pub(super) const MAX_EVALUATIONS: usize = 2500;
 
+/// Rounding of a sum, relative: a squared distance is a sum of terms that may be some times larger than it.
+pub(super) const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// Points of a cell at the highest order.
 const CAPACITY: usize = MAX_ORDER * MAX_ORDER;
 
@@ -210,20 +213,21 @@ impl<'a, S: Simd, A: Load<S>, B: Load<S>> Pose<'a, S, A, B> {
     /// The product rule of orders q over the first and q over the second cell: A_i F_ij.
     #[inline(always)]
     pub fn integrate<const TWISTED: bool>(&self, q: [usize; 4]) -> Lane<S> {
-        let points = q[0] * q[1];
-        match points {
-            4 => self.product::<TWISTED, 4>(q),
-            6 => self.product::<TWISTED, 6>(q),
-            9 => self.product::<TWISTED, 9>(q),
-            _ => self.product::<TWISTED, CAPACITY>(q),
+        match q {
+            [2, 2, 2, 2] => self.product::<TWISTED, 2, 4>(q),
+            [3, 3, 3, 3] => self.product::<TWISTED, 3, 9>(q),
+            [q_s, q_t, ..] if q_s * q_t <= 16 => self.product::<TWISTED, 0, 16>(q),
+            _ => self.product::<TWISTED, 0, CAPACITY>(q),
         }
     }
 
+    /// [`Self::integrate`] with at most N points of the first cell; where Q is not 0 it is the order of all directions, so that
+    /// the loops are unrolled.
     #[inline(always)]
-    fn product<const TWISTED: bool, const N: usize>(&self, q: [usize; 4]) -> Lane<S> {
+    fn product<const TWISTED: bool, const Q: usize, const N: usize>(&self, q: [usize; 4]) -> Lane<S> {
+        let q = if Q > 0 { [Q; 4] } else { q };
         let x = self.first_points::<TWISTED, N>(q[0], q[1]);
-        let count = if N == CAPACITY { q[0] * q[1] } else { N };
-        let x = &x[..count];
+        let x = &x[..q[0] * q[1]];
         let zero = self.r2.all(0.0);
         let (u, v) = (Lane3::load(self.simd, &self.b.u, self.part), Lane3::load(self.simd, &self.b.v, self.part));
         let (cross_u, cross_v) = (self.with_first::<TWISTED>(u), self.with_first::<TWISTED>(v));
