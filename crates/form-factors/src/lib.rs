@@ -16,4 +16,4 @@ mod rows;
 pub mod stores;
 
 pub use row_wise::Receivers;
-pub use rows::{Estimate, Pairwise, PairwiseRows, Rows};
+pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run};

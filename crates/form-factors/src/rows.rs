@@ -4,6 +4,8 @@ use radiosity_core::{Cost, StoreError};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
+use crate::analytic::FacetBlocks;
+
 /// An exchange area A_i F_ij with a bound on its error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Estimate {
@@ -23,6 +25,17 @@ pub trait Pairwise: Sync {
     /// A_i F_ij of two convex polygons, with an error of at most `tolerance` · min(A_i, A_j) where nothing is sampled;
     /// `seed` picks the points where something is.
     fn exchange(&self, i: &Polygon, j: &Polygon, tolerance: f64, seed: u64) -> Estimate;
+
+    /// The targets of rows, laid out for [`Self::exchange_run`] if it takes several pairs at a time.
+    fn lay_out(&self, _targets: &Facets) -> Option<FacetBlocks> {
+        None
+    }
+
+    /// Exchange areas of one source with a run of targets, as many as there are `values`, with what they cost and the
+    /// largest bound. A value depends on its pair alone.
+    fn exchange_run(&self, run: &Run<'_>, values: &mut [f64]) -> (Cost, f64) {
+        run.one_by_one(self, values)
+    }
 }
 
 impl<P: Pairwise + ?Sized> Pairwise for &P {
@@ -32,6 +45,80 @@ impl<P: Pairwise + ?Sized> Pairwise for &P {
 
     fn exchange(&self, i: &Polygon, j: &Polygon, tolerance: f64, seed: u64) -> Estimate {
         (**self).exchange(i, j, tolerance, seed)
+    }
+
+    fn lay_out(&self, targets: &Facets) -> Option<FacetBlocks> {
+        (**self).lay_out(targets)
+    }
+
+    fn exchange_run(&self, run: &Run<'_>, values: &mut [f64]) -> (Cost, f64) {
+        (**self).exchange_run(run, values)
+    }
+}
+
+/// A source and a run of targets, for [`Pairwise::exchange_run`].
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// Facets of the source.
+    pub sources: &'a Facets,
+    /// Facets of the targets; the same object as `sources` if rows are symmetric.
+    pub targets: &'a Facets,
+    /// What [`Pairwise::lay_out`] made of the targets.
+    pub blocks: Option<&'a FacetBlocks>,
+    /// The source.
+    pub s: usize,
+    /// The first target.
+    pub from: usize,
+    /// Error asked of each form factor.
+    pub tolerance: f64,
+    /// What seeds of pairs are mixed from.
+    pub seed: u64,
+}
+
+impl<'a> Run<'a> {
+    /// Whether sources and targets are one list.
+    pub fn symmetric(&self) -> bool {
+        std::ptr::eq(self.sources, self.targets)
+    }
+
+    /// Every two polygons of the source and target t, with their seed. A flat facet sees nothing of itself.
+    ///
+    /// One order for both directions, so that a value and its samples are the same to the last bit whichever side asks.
+    pub fn polygons(&self, t: usize) -> impl Iterator<Item = (&'a Polygon, &'a Polygon, u64)> + use<'a> {
+        let Self { sources, targets, s, seed, .. } = *self;
+        let same = self.symmetric();
+        let (a, b) = if same && s > t { (t, s) } else { (s, t) };
+        let none = sources.covered(s) || targets.covered(t);
+        let first = if none { &[] } else { sources.polygons(a) };
+        first.iter().enumerate().flat_map(move |(k, i)| {
+            let others = targets.polygons(b).iter().enumerate().filter(move |(l, _)| !(same && a == b && k == *l));
+            others
+                .map(move |(l, j)| (i, j, mix(seed ^ mix((a as u64) << 32 | b as u64) ^ ((k as u64) << 32 | l as u64))))
+        })
+    }
+
+    /// What [`Pairwise::exchange_run`] gives, pair after pair.
+    pub fn one_by_one<P: Pairwise + ?Sized>(&self, estimator: &P, values: &mut [f64]) -> (Cost, f64) {
+        let (mut cost, mut bound) = (Cost::default(), 0.0_f64);
+        for (t, value) in (self.from..).zip(values) {
+            let estimate = self.pair(estimator, t);
+            *value = estimate.value;
+            cost += estimate.cost;
+            bound = bound.max(estimate.bound);
+        }
+        (cost, bound)
+    }
+
+    /// Exchange area of the source and target t: the sum over their polygons.
+    pub fn pair<P: Pairwise + ?Sized>(&self, estimator: &P, t: usize) -> Estimate {
+        let mut total = Estimate::default();
+        for (i, j, seed) in self.polygons(t) {
+            let estimate = estimator.exchange(i, j, self.tolerance, seed);
+            total.value += estimate.value;
+            total.bound += estimate.bound;
+            total.cost += estimate.cost;
+        }
+        total
     }
 }
 
@@ -94,70 +181,47 @@ impl<R: Rows + ?Sized> Rows for &R {
 }
 
 /// The rows that a pairwise estimator gives between two lists of facets.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PairwiseRows<'a, P> {
     estimator: P,
     sources: &'a Facets,
     targets: &'a Facets,
+    blocks: Option<FacetBlocks>,
     tolerance: f64,
     seed: u64,
 }
 
+/// Targets that one task computes: work for longer than it takes to hand it over.
+const PIECE: usize = 256;
+
 impl<'a, P: Pairwise> PairwiseRows<'a, P> {
     /// Rows from `sources` to `targets` with an error of each F of at most `tolerance` where nothing is sampled.
     pub fn new(estimator: P, sources: &'a Facets, targets: &'a Facets, tolerance: f64, seed: u64) -> Self {
-        Self { estimator, sources, targets, tolerance, seed }
-    }
-
-    /// Exchange area of facets s and t: the sum over their polygons. A flat facet sees nothing of itself.
-    fn pair(&self, s: usize, t: usize) -> Estimate {
-        let same = std::ptr::eq(self.sources, self.targets);
-        if self.sources.covered(s) || self.targets.covered(t) || (same && s == t && self.sources.polygons(s).len() == 1)
-        {
-            return Estimate::default();
-        }
-        // One order for both directions, so that the value and its samples are the same to the last bit.
-        let swap = same && s > t;
-        let (a, b) = if swap { (t, s) } else { (s, t) };
-        let mut total = Estimate::default();
-        for (k, i) in self.sources.polygons(a).iter().enumerate() {
-            for (l, j) in self.targets.polygons(b).iter().enumerate() {
-                if same && a == b && k == l {
-                    continue;
-                }
-                let seed = mix(self.seed ^ mix((a as u64) << 32 | b as u64) ^ ((k as u64) << 32 | l as u64));
-                let estimate = self.estimator.exchange(i, j, self.tolerance, seed);
-                total.value += estimate.value;
-                total.bound += estimate.bound;
-                total.cost += estimate.cost;
-            }
-        }
-        total
+        let blocks = estimator.lay_out(targets);
+        Self { estimator, sources, targets, blocks, tolerance, seed }
     }
 
     fn fill(&self, s: usize, from: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         assert_eq!(values.len(), self.targets(), "row: length");
-        let piece = 64;
-        let parts: Vec<(Cost, f64)> = values[from..]
-            .par_chunks_mut(piece)
-            .enumerate()
-            .map(|(k, chunk)| {
-                let (mut cost, mut bound) = (Cost::default(), 0.0_f64);
-                for (l, value) in chunk.iter_mut().enumerate() {
-                    let t = from + k * piece + l;
-                    let estimate = self.pair(s, t);
-                    if !(estimate.value.is_finite() && estimate.value >= 0.0) {
-                        return Err(StoreError::Value { source_index: s, target_index: t, value: estimate.value });
-                    }
-                    *value = estimate.value;
-                    cost += estimate.cost;
-                    bound = bound.max(estimate.bound);
-                }
-                Ok((cost, bound))
-            })
-            .collect::<Result<_, _>>()?;
+        let &Self { sources, targets, tolerance, seed, .. } = self;
+        // Pieces begin at multiples of their length, so that blocks of targets are not cut.
+        let (head, tail) = values[from..].split_at_mut((from.next_multiple_of(PIECE) - from).min(targets.len() - from));
+        let run = |from: usize, values: &mut [f64]| {
+            let run = Run { sources, targets, blocks: self.blocks.as_ref(), s, from, tolerance, seed };
+            let spent = self.estimator.exchange_run(&run, values);
+            let all = values.iter().fold(true, |all, value| all & (*value >= 0.0) & (*value < f64::INFINITY));
+            if !all && let Some(k) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+                return Err(StoreError::Value { source_index: s, target_index: from + k, value: values[k] });
+            }
+            Ok(spent)
+        };
+        let next = from + head.len();
+        let first = run(from, head);
+        let parts: Vec<_> =
+            tail.par_chunks_mut(PIECE).enumerate().map(|(k, values)| run(next + k * PIECE, values)).collect();
         let mut total = (Cost { source_evaluations: 1, ..Cost::default() }, 0.0_f64);
-        for (cost, bound) in parts {
+        for spent in std::iter::once(first).chain(parts) {
+            let (cost, bound) = spent?;
             total.0 += cost;
             total.1 = total.1.max(bound);
         }

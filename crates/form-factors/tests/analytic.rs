@@ -255,7 +255,7 @@ fn prism(base: &[(f64, f64)], height: f64) -> Vec<Polygon> {
     faces
 }
 
-/// Every face has closed-form neighbours at dihedral angles down to 3°; 1e-12 leaves room for 9 terms of 1e-14.
+/// Every face has closed-form neighbours at dihedral angles down to 3°; 1e-12 leaves room for 8 terms of 1e-13.
 #[test]
 fn rows_of_prisms_sum_to_one() {
     let heptagon: Vec<(f64, f64)> =
@@ -264,7 +264,7 @@ fn rows_of_prisms_sum_to_one() {
     for (what, faces) in [("heptagon", prism(&heptagon, 0.7)), ("wedge", prism(&wedge, 3.0))] {
         for (s, i) in faces.iter().enumerate() {
             let others = faces.iter().enumerate().filter(|(t, _)| *t != s);
-            let sum: f64 = others.map(|(_, j)| unoccluded(i, j, TOLERANCE).value).sum();
+            let sum: f64 = others.map(|(_, j)| unoccluded(i, j, 1e-13).value).sum();
             assert!((sum / i.area() - 1.0).abs() < 1e-12, "{what}, face {s}: {:e}", sum / i.area() - 1.0);
         }
     }
@@ -287,7 +287,7 @@ fn cube(k: usize) -> Facets {
     facets
 }
 
-/// 384 patches: errors of at most 1e-10 · F-tolerance each, of both signs and mostly far smaller, sum to less than 5e-11.
+/// 320 form factors of a row are not zero. Each may err by 1e-10; most err by a hundredth of that, so the sum by less than 1e-9.
 #[test]
 fn rows_of_the_cube_of_8_by_8_patches_sum_to_one() {
     let (facets, estimator) = (cube(8), Analytic::new(None));
@@ -296,18 +296,18 @@ fn rows_of_the_cube_of_8_by_8_patches_sum_to_one() {
     for s in 0..facets.len() {
         rows.row(s, &mut values).unwrap();
         let closure = values.iter().sum::<f64>() / facets.area(s) - 1.0;
-        assert!(closure.abs() < 5e-11, "row {s}: {closure:e}");
+        assert!(closure.abs() < 1e-9, "row {s}: {closure:e}");
     }
 }
 
 /// The references are the formulas in 60 digits. The estimator's route shares nothing with the closed forms; its error is
-/// below 1e-10 by its bound and far below in fact.
+/// below 1e-13 by its bound.
 #[test]
 fn closed_forms_match_their_references() {
     assert!((opposed_rectangles(3.0, 5.0, 2.0) - 0.393_999_695_339_317_084_45).abs() < 1e-15);
     assert!((perpendicular_rectangles(2.0, 3.0, 4.0) - 0.274_884_972_027_518_436_21).abs() < 1e-15);
     for gap in [0.3, 1.0, 3.0] {
-        let value = unoccluded(&floor(), &ceiling(1.0, 1.0, gap), TOLERANCE).value;
+        let value = unoccluded(&floor(), &ceiling(1.0, 1.0, gap), 1e-13).value;
         assert!((value - opposed_rectangles(1.0, 1.0, gap)).abs() < 1e-12, "gap {gap}");
     }
 }

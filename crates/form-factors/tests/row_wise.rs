@@ -267,7 +267,7 @@ fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
     let analytic = Analytic::new(None);
     let targets = members.map(|t| (t as u32, facets.area(t))).to_vec();
     let pairs = PairwiseRows::new(&analytic, &facets, &light, 1e-10, 1);
-    let exact = ExactEmitters::new(plain(), pairs, vec![Emitter { targets }]);
+    let exact = ExactEmitters::new(plain(), &pairs, vec![Emitter { targets }]);
     let whole: Vec<f64> = rows(&pairs).into_iter().map(|row| row[0]).collect();
     for (s, (exact, plain)) in rows(&exact).iter().zip(rows(&plain())).enumerate() {
         let towards: f64 = members.iter().map(|&t| exact[t]).sum();

@@ -2,26 +2,38 @@
 //!
 //! | pair | rule | range | order | error bound |
 //! |---|---|---|---|---|
-//! | separated | 4-D Gauss product rule | every σ = h/D ≤ 0.4 and at most 2,500 points | 1 to 8 a direction, from the bound | proven (Gegenbauer series) and rounding |
+//! | facing away | 0 | no corner of one more than rounding above the other's plane | | |
+//! | separated | 4-D Gauss product rule | every σ = h/D ≤ 0.4 and at most 2,500 points | 1 to 8 a direction, from the bound | proven (Gegenbauer series, `order`) and rounding |
 //! | near, touching, tiny gap | contour integral, corner logarithms and pairs of parallel edges closed, inner edge closed and Gauss–Kronrod outside for the rest | all others | 7/15, panels bisected | per panel proven (ellipse of analyticity) or the difference of the two rules; singularities left alone, rounding |
 //! | near, and a sliver or of very unequal size | exact point factors, integrated over the smaller polygon | where the contour rule's rounding exceeds the tolerance and 1e-11 of the smaller area or 1e-7 of the value | 7/15 in two directions, pieces bisected in either | differences of the rules, area of what is left, rounding |
 //! | crossing a plane | clipped at the horizon, then as above | | | as above, and the area that rounding moves across the cut |
-//! | partly blocked | unoccluded value × Σ kV/Σ k | where the classification says so | 256 segments a pair and more for large F | three standard errors and the above |
+//! | partly blocked | unoccluded value − ∫ hidden part, exact from every point (`partial`) | where the classification says so | Gauss on the cells between visibility events, refined | differences of the rules and the above |
+//! | partly blocked, by segments | unoccluded value × Σ kV/Σ k (`sampling`) | if asked for | from the standard error asked, or a number of segments | three standard errors and the above |
 //!
-//! h is half the length of a patch along one direction and D its distance from the partner (see `area_quadrature`). All
+//! h is half the length of a patch along one direction and D its distance from the partner (see `order`). All
 //! rules aim at max(tolerance · min(A_i, A_j), rounding) and 1000 · tolerance relative. Nothing is clipped, split or compared at
-//! an absolute length; coordinates are taken relative to the pair.
+//! an absolute length; coordinates are taken relative to the pair. Equal squares side by side are separated from about two
+//! sides between their centres on; at 1e-8 two points a direction do from about 15 sides on, three from 6.
 //!
-//! What is *not* here: patches that are not flat, surfaces other than polygons, and exact partial visibility.
+//! Rows take separated pairs of triangles and quadrilaterals several at a time ([`FacetBlocks`]) and all others one by one,
+//! by the same bound. The bound is about 7 times the error in the median between the cells of a cube, and the worst error
+//! about a quarter of the tolerance: a tolerance of 3.5e-9 gives errors of at most 1e-9.
+//!
+//! What is *not* here: patches that are not flat, surfaces other than polygons.
 
 mod area_quadrature;
+mod blocks;
 mod closed_forms;
 mod contour;
 mod differential;
 mod gauss;
+mod lanes;
+mod order;
 mod pair;
 mod partial;
+mod patch;
 mod point_quadrature;
+mod pose;
 mod sampling;
 mod singularities;
 mod slabs;
@@ -31,14 +43,16 @@ mod visibility;
 use std::sync::Arc;
 
 use radiosity_core::Cost;
-use radiosity_geometry::{Occluders, Polygon};
+use radiosity_geometry::{Facets, Occluders, Polygon};
 
+pub use blocks::{FacetBlocks, Level};
 pub use closed_forms::{opposed_rectangles, perpendicular_rectangles};
 pub use differential::differential;
 pub use unoccluded::unoccluded;
 
-use crate::{Estimate, Pairwise};
+use crate::{Estimate, Pairwise, Run};
 use area_quadrature::Bounded;
+use blocks::{AWAY, Source};
 use pair::FacingPair;
 use partial::{Blocked, Bodies, Visible};
 use sampling::visible_share;
@@ -49,6 +63,8 @@ const TOLERANCE: f64 = 1e-6;
 /// Form factor (the larger of F_ij and F_ji) from which on a pair gets more segments, in proportion: the sum of variances
 /// Σ F²/N at a given sum of N is least for N ∝ F, and the segments of a row stay below samples · (pairs + 300).
 const LARGE: f64 = 1.0 / 300.0;
+/// Targets whose bounds are kept at once.
+const RUN: usize = 256;
 
 /// Exchange areas of pairs of convex polygons: unoccluded values to a tolerance, times a sampled visible share where
 /// something may lie between.
@@ -79,6 +95,7 @@ const LARGE: f64 = 1.0 / 300.0;
 pub struct Analytic<'a> {
     scene: Option<Blockers<'a>>,
     visibility: PartialVisibility,
+    level: Level,
 }
 
 /// Polygons that block, and the bodies among them.
@@ -116,7 +133,7 @@ impl<'a> Analytic<'a> {
     pub fn new(occluders: Option<&'a Occluders>) -> Self {
         let occluders = occluders.filter(|occluders| !occluders.is_empty());
         let scene = occluders.map(|occluders| Blockers { occluders, bodies: Arc::new(Bodies::find(occluders)) });
-        Self { scene, visibility: PartialVisibility::default() }
+        Self { scene, visibility: PartialVisibility::default(), level: Level::best() }
     }
 
     /// Computes partial pairs by this rule.
@@ -172,6 +189,24 @@ impl<'a> Analytic<'a> {
             }
         }
     }
+
+    /// Kernels of another instruction set than the best, to compare them.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn at_level(self, level: Level) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The estimate of target t, whose unoccluded value with the source is `whole`.
+    fn visible(&self, run: &Run<'_>, t: usize, whole: Bounded) -> Estimate {
+        let pair = run.polygons(t).next().and_then(|(i, j, seed)| {
+            let pair = FacingPair::new(i, j)?;
+            Some((pair, i.area().min(j.area()), seed))
+        });
+        pair.map_or(Estimate::default(), |(pair, smaller, seed)| {
+            self.finish(&pair, || whole, smaller, run.tolerance, seed)
+        })
+    }
 }
 
 impl Pairwise for Analytic<'_> {
@@ -184,5 +219,44 @@ impl Pairwise for Analytic<'_> {
         let smaller = i.area().min(j.area());
         let whole = || unoccluded::exchange_area(&pair, smaller, tolerance);
         self.finish(&pair, whole, smaller, tolerance, seed)
+    }
+
+    fn lay_out(&self, targets: &Facets) -> Option<FacetBlocks> {
+        Some(FacetBlocks::new(targets))
+    }
+
+    fn exchange_run(&self, run: &Run<'_>, values: &mut [f64]) -> (Cost, f64) {
+        let Some(blocks) = run.blocks else { return run.one_by_one(self, values) };
+        let swapped = if run.symmetric() { run.s } else { 0 };
+        let source = Source { facets: run.sources, s: run.s, swapped, tolerance: run.tolerance };
+        let (mut cost, mut worst) = (Cost::default(), 0.0_f64);
+        let mut bounds = [AWAY; RUN];
+        for (from, values) in (run.from..).step_by(RUN).zip(values.chunks_mut(RUN)) {
+            let bounds = &mut bounds[..values.len()];
+            blocks.fill(self.level, source, from, values, bounds);
+            let whole = bounds.iter().filter(|bound| **bound >= 0.0).count();
+            worst = bounds.iter().fold(worst, |worst, bound| worst.max(*bound));
+            if self.scene.is_none() {
+                cost.form_factors += whole as u64;
+                cost.clear_pairs += whole as u64;
+            }
+            let left = bounds.iter().filter(|bound| bound.is_nan()).count();
+            if left == 0 && (whole == 0 || self.scene.is_none()) {
+                continue;
+            }
+            for ((t, value), bound) in (from..).zip(values).zip(bounds.iter()) {
+                let estimate = if bound.is_nan() {
+                    run.pair(self, t)
+                } else if *bound >= 0.0 && self.scene.is_some() {
+                    self.visible(run, t, Bounded { value: *value, bound: *bound })
+                } else {
+                    continue;
+                };
+                *value = estimate.value;
+                cost += estimate.cost;
+                worst = worst.max(estimate.bound);
+            }
+        }
+        (cost, worst)
     }
 }

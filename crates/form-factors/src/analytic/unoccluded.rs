@@ -12,7 +12,7 @@ use crate::Estimate;
 
 /// Relative error asked for, as a multiple of the absolute tolerance on F: far pairs, whose F may lie below the tolerance,
 /// keep 7 digits at the default 1e-10.
-const RELATIVE: f64 = 1e3;
+pub(super) const RELATIVE: f64 = 1e3;
 /// Error as a share of the smaller area below which nothing is gained: a few times the rounding of the contour rule for
 /// squares.
 const LEAST: f64 = 4e-14;

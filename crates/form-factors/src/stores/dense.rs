@@ -1,7 +1,6 @@
 //! Every exchange area in one matrix.
 
-use faer::prelude::IntoConst;
-use faer::{Mat, MatRef};
+use faer::MatRef;
 use radiosity_core::{
     Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError, scatter_by_rows,
 };
@@ -15,7 +14,7 @@ use crate::Rows;
 /// Column s of the matrix is row s of the exchange areas, contiguous, and lent without a copy.
 #[derive(Clone, Debug)]
 pub struct DenseFormFactors {
-    values: Mat<f64>,
+    table: Table,
     bounds: Option<Vec<f64>>,
     symmetric: bool,
 }
@@ -55,11 +54,12 @@ impl DenseFormFactors {
     /// If there are not `sources` · `targets` values, or `symmetric` is claimed of a table that is not square.
     pub fn from_rows(values: &[f64], sources: usize, targets: usize, symmetric: bool) -> Result<Self, StoreError> {
         assert_eq!(values.len(), sources * targets, "{sources} × {targets} exchange areas");
-        let store = Self {
-            values: Mat::from_fn(targets, sources, |t, s| values[s * targets + t]),
+        let mut store = Self {
+            table: Table::zeros(sources, targets),
             bounds: None,
             symmetric: symmetric && store_is_square(sources, targets),
         };
+        store.table.rows_mut().zip(values.chunks(targets.max(1))).for_each(|(row, given)| row.copy_from_slice(given));
         for s in 0..sources {
             check_row(s, 0, store.slice(s))?;
             if symmetric && let Some(t) = (0..s).find(|&t| store.entry(s, t) != store.entry(t, s)) {
@@ -80,14 +80,13 @@ impl DenseFormFactors {
     ) -> Result<(Self, Cost), StoreError> {
         let symmetric = symmetric && store_is_square(sources, targets);
         check_memory(sources, targets, 8 * sources as u64 * targets as u64, limit)?;
-        let mut values = Mat::zeros(targets, sources);
-        let done: Vec<Result<(Cost, Option<f64>), StoreError>> = values
-            .par_col_iter_mut()
+        let mut table = Table::zeros(sources, targets);
+        let done: Vec<Result<(Cost, Option<f64>), StoreError>> = table
+            .par_rows_mut()
             .enumerate()
-            .map(|(s, column)| {
-                let slice = column.try_as_col_major_mut().expect("columns of an owned matrix").as_slice_mut();
-                let spent = row(s, slice)?;
-                check_row(s, if symmetric { s } else { 0 }, slice)?;
+            .map(|(s, values)| {
+                let spent = row(s, values)?;
+                check_row(s, if symmetric { s } else { 0 }, values)?;
                 Ok(spent)
             })
             .collect();
@@ -100,18 +99,19 @@ impl DenseFormFactors {
         }
         let mut bounds: Option<Vec<f64>> = bounds.into_iter().collect();
         if symmetric {
-            mirror(&mut values);
+            table.mirror();
             // Entry (s, t < s) was computed in row t and has that row's bound.
             if let Some(bounds) = &mut bounds {
                 (1..bounds.len()).for_each(|s| bounds[s] = bounds[s].max(bounds[s - 1]));
             }
         }
-        Ok((Self { values, bounds, symmetric }, total))
+        Ok((Self { table, bounds, symmetric }, total))
     }
 
     /// The exchange areas as a matrix of `targets` × `sources`: column s is row s.
     pub fn matrix(&self) -> MatRef<'_, f64> {
-        self.values.as_ref()
+        let Table { sources, targets, stride, .. } = self.table;
+        MatRef::from_column_major_slice_with_stride(self.table.used(), targets, sources, stride)
     }
 
     /// A_s F_st.
@@ -136,8 +136,9 @@ impl DenseFormFactors {
         store_is_square(self.sources(), self.targets());
         for s in 0..self.sources() {
             for t in 0..s {
-                let mean = 0.5 * (self.values[(t, s)] + self.values[(s, t)]);
-                (self.values[(t, s)], self.values[(s, t)]) = (mean, mean);
+                let (here, there) = (self.table.place(s, t), self.table.place(t, s));
+                let mean = 0.5 * (self.table.values[here] + self.table.values[there]);
+                (self.table.values[here], self.table.values[there]) = (mean, mean);
             }
         }
         if let Some(bounds) = &mut self.bounds {
@@ -149,11 +150,15 @@ impl DenseFormFactors {
 
     /// The store read the other way: entry (t, s) where this one has (s, t). Bounds of rows do not carry over.
     pub fn transposed(&self) -> Self {
-        Self { values: self.values.transpose().to_owned(), bounds: None, ..*self }
+        let mut table = Table::zeros(self.targets(), self.sources());
+        for (t, row) in table.rows_mut().enumerate() {
+            row.iter_mut().enumerate().for_each(|(s, value)| *value = self.entry(s, t));
+        }
+        Self { table, bounds: None, ..*self }
     }
 
     fn slice(&self, s: usize) -> &[f64] {
-        self.values.col_as_slice(s)
+        self.table.row(s)
     }
 }
 
@@ -163,20 +168,87 @@ fn store_is_square(sources: usize, targets: usize) -> bool {
     true
 }
 
-/// Copies what lies on and below the diagonal of each column (t ≥ s of row s) to the other side.
-fn mirror(values: &mut Mat<f64>) {
-    const BLOCK: usize = 64;
-    let n = values.ncols();
-    for begin in (0..n).step_by(BLOCK) {
-        // Columns of the block take their upper part from the columns before them, then from each other.
-        let (left, right) = values.as_mut().split_at_col_mut(begin);
-        let (left, block) = (left.into_const(), right.subcols_mut(0, BLOCK.min(n - begin)));
-        block.par_col_iter_mut().enumerate().for_each(|(k, mut column)| {
-            (0..begin).for_each(|t| column[t] = left[(begin + k, t)]);
-        });
-        for s in begin..(begin + BLOCK).min(n) {
-            (begin..s).for_each(|t| values[(t, s)] = values[(s, t)]);
+/// Rows one after another, each from the beginning of a cache line on.
+///
+/// Fresh memory costs as much as half of the arithmetic of unoccluded pairs: it is taken as zeros that the system hands out
+/// untouched, so that each page is first written by the thread that fills it.
+#[derive(Debug)]
+struct Table {
+    values: Vec<f64>,
+    /// Where the first row begins.
+    first: usize,
+    sources: usize,
+    targets: usize,
+    /// From one row to the next.
+    stride: usize,
+}
+
+/// A cache line, in values.
+const LINE: usize = 8;
+/// Rows that take the other half of a symmetric table at once.
+const BLOCK: usize = 64;
+
+impl Table {
+    fn zeros(sources: usize, targets: usize) -> Self {
+        let stride = targets.next_multiple_of(LINE);
+        let values = vec![0.0; sources * stride + LINE];
+        let first = values.as_ptr().align_offset(LINE * size_of::<f64>()).min(LINE);
+        Self { values, first, sources, targets, stride }
+    }
+
+    fn place(&self, s: usize, t: usize) -> usize {
+        self.first + s * self.stride + t
+    }
+
+    fn used(&self) -> &[f64] {
+        &self.values[self.first..self.first + self.sources * self.stride]
+    }
+
+    fn used_mut(&mut self) -> &mut [f64] {
+        &mut self.values[self.first..self.first + self.sources * self.stride]
+    }
+
+    fn row(&self, s: usize) -> &[f64] {
+        &self.used()[s * self.stride..][..self.targets]
+    }
+
+    fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        let (stride, targets) = (self.stride, self.targets);
+        self.used_mut().chunks_mut(stride.max(1)).map(move |row| &mut row[..targets])
+    }
+
+    fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f64]> {
+        let (stride, targets) = (self.stride, self.targets);
+        self.used_mut().par_chunks_mut(stride.max(1)).map(move |row| &mut row[..targets])
+    }
+
+    /// Copies what lies right of the diagonal of each row to the other side.
+    fn mirror(&mut self) {
+        let (n, stride) = (self.sources, self.stride);
+        for begin in (0..n).step_by(BLOCK) {
+            // Rows of the block take their left part from the rows above them, a line of each at a time, then from each other.
+            let (above, block) = self.used_mut().split_at_mut(begin * stride);
+            let block = &mut block[..BLOCK.min(n - begin) * stride];
+            block.par_chunks_mut(LINE * stride).enumerate().for_each(|(k, rows)| {
+                let s = begin + k * LINE;
+                for (t, above) in above.chunks_exact(stride).enumerate() {
+                    let line = &above[s..s + rows.len() / stride];
+                    line.iter().enumerate().for_each(|(r, value)| rows[r * stride + t] = *value);
+                }
+            });
+            for s in 0..block.len() / stride {
+                (0..s).for_each(|t| block[s * stride + begin + t] = block[t * stride + begin + s]);
+            }
         }
+    }
+}
+
+/// The copy begins its rows at cache lines of its own.
+impl Clone for Table {
+    fn clone(&self) -> Self {
+        let mut table = Self::zeros(self.sources, self.targets);
+        table.used_mut().copy_from_slice(self.used());
+        table
     }
 }
 
@@ -186,15 +258,15 @@ impl FormFactors for DenseFormFactors {
     }
 
     fn sources(&self) -> usize {
-        self.values.ncols()
+        self.table.sources
     }
 
     fn targets(&self) -> usize {
-        self.values.nrows()
+        self.table.targets
     }
 
     fn properties(&self) -> Properties {
-        let held = self.values.ncols() as u64 * self.values.col_stride().unsigned_abs() as u64;
+        let held = (self.table.sources * self.table.stride) as u64;
         Properties { symmetric: self.symmetric, per_band: false, stored_bytes: 8 * held }
     }
 
@@ -220,10 +292,8 @@ impl Held for DenseFormFactors {
 
     fn scale(&mut self, factors: &[f64]) {
         assert_factors(self, factors);
-        let scaled = self.values.par_col_iter_mut().zip(factors).map(|(column, &d_s)| {
-            let row = column.try_as_col_major_mut().expect("columns of an owned matrix").as_slice_mut();
-            scale_row(d_s, factors.iter().copied(), row.iter_mut())
-        });
+        let scaled = self.table.par_rows_mut().zip(factors);
+        let scaled = scaled.map(|(row, &d_s)| scale_row(d_s, factors.iter().copied(), row.iter_mut()));
         let changes: Vec<f64> = scaled.collect();
         if let Some(bounds) = &mut self.bounds {
             bounds.iter_mut().zip(changes).for_each(|(bound, change)| *bound += change);
