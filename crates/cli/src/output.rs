@@ -190,6 +190,13 @@ pub fn import(report: &ImportReport) -> Value {
     })
 }
 
+/// Largest memory that the program has held so far, in bytes (VmHWM); `None` where the system does not say.
+pub fn peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok().map(|kilobytes: u64| 1024 * kilobytes)
+}
+
 /// `1.2 MB` for people.
 pub fn bytes(bytes: u64) -> String {
     match bytes as f64 {
