@@ -4,7 +4,7 @@ mod common;
 
 use radiosity::{FitError, Geometry, Method, RunError, SavedCell, SavedFormFactors, Store, Strategy};
 use radiosity::{assemble, run, run_saved};
-use radiosity_core::{Form, FormFactors, RowBuf};
+use radiosity_core::{Form, RowBuf};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_gallery::boxes::{empty_box, material};
