@@ -246,6 +246,7 @@ fn write(
         "form_factors": output::phase(phase),
         "seconds_file": clock.elapsed().as_secs_f64(),
         "stored_bytes": store.properties().stored_bytes,
+        "peak_bytes": output::peak_bytes(),
         "closed": faces.closed,
         "checks": output::checks(checks, blocked.as_ref(), names),
         "repair": repair.as_ref().map(output::repair),

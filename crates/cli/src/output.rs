@@ -100,9 +100,13 @@ pub fn check_lines(
         checks.worst_rows.iter().map(|&(s, sum)| format!("{} ({})", row(s), deviation(sum))).collect();
     let kind = if closed { "closed scene: rows farthest from 1" } else { "open scene: largest row sums" };
     let mut lines = vec![format!("{kind}: {}", worst.join(", "))];
-    let mut wrong = format!(
-        "{} rows above 1, {} entries above the smaller area, {} above 1, {} below 0",
-        checks.rows_above_one, checks.above_area, checks.above_one, checks.negative
+    let mut wrong = format!("{} rows above 1", checks.rows_above_one);
+    if let Some((_, sum)) = checks.largest_row_sum.filter(|_| checks.rows_above_one > 0) {
+        wrong += &format!(" (by up to {:.1e})", sum - 1.0);
+    }
+    wrong += &format!(
+        ", {} entries above the smaller area, {} above 1, {} below 0",
+        checks.above_area, checks.above_one, checks.negative
     );
     if let Some((s, t, error)) = checks.reciprocity {
         wrong += &format!("; worst reciprocity error {error:.1e}");
@@ -197,6 +201,13 @@ pub fn import(report: &ImportReport) -> Value {
         "specular_left_out": report.specular,
         "warnings": report.warnings,
     })
+}
+
+/// Largest memory that the program has held so far, in bytes (VmHWM); `None` where the system does not say.
+pub fn peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok().map(|kilobytes: u64| 1024 * kilobytes)
 }
 
 /// `1.2 MB` for people.

@@ -61,13 +61,13 @@ impl Faces {
     /// Every face is a row.
     fn all(imported: Imported) -> Self {
         let n = imported.scene.surfaces.len();
-        let closed = imported.report.closed();
+        let closed = imported.scene.closed();
         Self { imported, rows: (0..n).map(Some).collect(), emittances: vec![1.0; n], closed, tolerance: None }
     }
 
     /// Rows as the file defines them.
     fn of_view3d(view: View3dScene) -> Self {
-        let closed = view.control.enclosure || view.imported.report.closed();
+        let closed = view.control.enclosure || view.imported.scene.closed();
         let mut emittances = Vec::new();
         for (k, row) in view.rows.iter().enumerate() {
             // The first surface of a row gives its emittance, as in View3D.

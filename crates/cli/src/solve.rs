@@ -278,6 +278,7 @@ fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value 
         "solve": { "seconds": s.time.as_secs_f64(), "counts": output::cost(&s.cost) },
         "verification": output::cost(&s.verification),
         "stored_bytes": run.stored_bytes,
+        "peak_bytes": output::peak_bytes(),
         "closed": run.checked.as_ref().map(|c| c.closed),
         "checks": run.checked.as_ref().map(|c| {
             with_names(strategy, run, |names| output::checks(&c.checks, c.blocked.as_ref(), names))

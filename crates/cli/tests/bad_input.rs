@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Folder, SQUARES, SQUARES_MTL};
+use common::{CUBE, CUBE_MTL, Folder, SQUARES, SQUARES_MTL};
 
 /// What stands in the output file before the program is run.
 const EARLIER: &str = "an earlier result\n";
@@ -132,6 +132,18 @@ fn settings_out_of_range_are_refused() {
         ("--element-size=-1", &["-1", "positive"]),
         ("--tolerance 2", &["2", "between 0 and 1"]),
         ("--threads 0", &["0", "at least 1"]),
+        ("--store attic", &["attic"]),
+        ("--store packed --method ray-cast", &["packed", "symmetric", "another store"]),
+        (
+            "--store packed-f32 --patch-subdivide 2 --solver gauss-seidel",
+            &["packed-f32", "every element its own patch"],
+        ),
+        ("--repair", &["closed", "open"]),
+        ("--form-factors out.csv --method analytic", &["--form-factors", "--method"]),
+        ("--form-factors out.csv --patch-subdivide 2", &["--form-factors", "--patch-subdivide"]),
+        ("--form-factors out.csv", &["out.csv:1", "no finite number"]),
+        ("--form-factors none.csv", &["none.csv", "check the path"]),
+        ("--form-factors F.xlsx", &["F.xlsx", ".npy"]),
         ("--no-such-flag", &["--no-such-flag"]),
         ("--method guess", &["guess"]),
     ] {
@@ -152,6 +164,29 @@ fn solvers_that_cannot_take_the_system_are_refused_before_anything_is_computed()
             refused(&folder, &command(&format!("{options} --patch-subdivide 2")), &["cg", "symmetric"]);
         }
     }
+}
+
+/// Of a closed room, where row sums are known; on demand nothing is held that could be scaled.
+#[test]
+fn a_repair_that_cannot_be_made_is_refused_with_a_way_out() {
+    let folder = Folder::new("repair");
+    folder.write("scene.obj", CUBE);
+    folder.write("cube.mtl", CUBE_MTL);
+    for (options, words) in [
+        ("--store on-demand", &["analytic", "on-demand", "choose dense"][..]),
+        ("--method ray-cast --store sparse", &["ray-cast", "sparse", "choose dense"]),
+        ("--patch-subdivide 2", &["elements-to-patches", "leave out the patches"]),
+    ] {
+        refused(&folder, &format!("{SOLVE} --repair {options}"), words);
+    }
+    let folder = squares("repair_open");
+    refused(&folder, &format!("{FORM_FACTORS} --repair"), &["closed", "open"]);
+    refused(&folder, &format!("{FORM_FACTORS} --repair --from 0,0,0,0,0,1"), &["--repair", "--from"]);
+    refused(&folder, &format!("{FORM_FACTORS} --contacts --from 0,0,0,0,0,1"), &["--contacts", "--from"]);
+    // A closed room, but what its obstruction takes has no column.
+    let squares = "V 1 0 0 0\nV 2 1 0 0\nV 3 1 1 0\nV 4 0 1 1\nS 1 1 2 3 0 0 0 0.5 a\nO 2 1 3 4 0 0 0 0 b\n";
+    folder.write("scene.vs3", &format!("C encl=1\nF 3\n{squares}End\n"));
+    refused(&folder, "form-factors scene.vs3 --repair --output F.csv", &["only block", "leave out --repair"]);
 }
 
 #[test]

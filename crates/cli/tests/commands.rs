@@ -4,7 +4,7 @@ mod common;
 
 use std::f64::consts::PI;
 
-use common::{Folder, Ran, SQUARES, SQUARES_MTL};
+use common::{CUBE, CUBE_MTL, Folder, Ran, SQUARES, SQUARES_MTL};
 use serde_json::Value;
 
 fn squares(test: &str) -> Folder {
@@ -224,4 +224,117 @@ fn compare_measures_every_strategy_and_writes_table_and_plot() {
     let csv = folder.read("comparison/comparison.csv");
     assert_eq!(csv.lines().count(), strategies.len() + 1);
     assert!(folder.read("comparison/comparison.svg").contains("<svg"));
+}
+
+/// Rows of rays do not close: the worst are named, worst first, and a repair closes them all, in `form-factors` as in `solve`.
+#[test]
+fn the_worst_rows_are_named_and_a_repair_closes_them() {
+    let folder = Folder::new("repair_commands");
+    folder.write("cube.obj", CUBE);
+    folder.write("cube.mtl", CUBE_MTL);
+    for command in ["form-factors cube.obj --subdivide 2 --output F.csv", "solve cube.obj --subdivide 2"] {
+        let run = |options: &str| -> Value {
+            let ran = folder.run(&format!("{command} --method hemicube --resolution 32 --json {options}"));
+            done(&ran);
+            serde_json::from_str(&ran.stdout).unwrap()
+        };
+        let off = |object: &Value, k: usize| object["checks"]["worst_rows"][k]["row_sum"].as_f64().unwrap() - 1.0;
+        // A hemicube's rows close by themselves, but the mean of both directions does not, and is taken first.
+        let (plain, repaired) = (run(""), run("--repair"));
+        assert!(off(&plain, 0).abs() >= off(&plain, 1).abs() && plain["repair"].is_null());
+        assert_eq!(plain["checks"]["worst_rows"].as_array().unwrap().len(), 5);
+        assert!(plain["checks"]["reciprocity"]["error"].as_f64().unwrap() > 1e-4);
+        let repair = &repaired["repair"];
+        assert!(repair["closure_before"].as_f64().unwrap() > 1e-4, "{repair}");
+        assert!(off(&repaired, 0).abs() < 1e-13 && repaired["checks"]["reciprocity"]["error"] == 0.0);
+        let change = |name: &str| repair[name].as_f64().unwrap();
+        assert!(change("rms_relative_change") < change("largest_relative_change"), "{repair}");
+        assert!(change("rms_relative_change") > 0.0 && change("largest_change") > 0.0);
+    }
+    let beside: Value = serde_json::from_str(&folder.read("F.csv.json")).unwrap();
+    assert_eq!(beside["repair"]["kind"], "symmetric scaling");
+    // For people the same, by name.
+    let ran = folder.run("form-factors cube.obj --subdivide 2 --rays 64 --repair --output F.csv");
+    done(&ran);
+    assert!(ran.stdout.contains("repair: the mean of both directions") && ran.stdout.contains("rows farthest from 1"));
+}
+
+/// A baffle halfway between the squares: pairs get smaller, never larger.
+#[test]
+fn blocked_pairs_are_compared_with_unblocked_ones() {
+    let folder = squares("blocked");
+    folder.write("squares.obj", &format!("{SQUARES}v 0 0 .5\nv .25 0 .5\nv .25 .25 .5\nv 0 .25 .5\nf 9 10 11 12\n"));
+    let ran = folder.run("form-factors squares.obj --subdivide 2 --json --output F.csv");
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let blocked = &object["checks"]["blocked"];
+    assert!(blocked["smaller"].as_u64().unwrap() > 0 && blocked["larger"] == 0, "{blocked}");
+    assert!(blocked["pairs_compared_with_unblocked"].as_u64().unwrap() >= 16);
+    assert!(squares_are_clear(&squares("clear")));
+}
+
+/// Nothing blocks between two squares, and nothing is compared.
+fn squares_are_clear(folder: &Folder) -> bool {
+    let ran = folder.run("form-factors squares.obj --subdivide 2 --json --output F.csv");
+    serde_json::from_str::<Value>(&ran.stdout).unwrap()["checks"]["blocked"].is_null()
+}
+
+/// Every element is a line of `solve`'s output, those inside solids too; without contacts a cell is one row.
+#[test]
+fn contacts_give_the_rows_of_solve() {
+    let folder = Folder::new("contacts");
+    // A block stands on the middle of a floor of 2 × 2 cells: each is cut into its part under the block and the rest.
+    let floor = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n";
+    let base = "v 1 1 0\nv 3 1 0\nv 3 3 0\nv 1 3 0\nv 1 1 1\nv 3 1 1\nv 3 3 1\nv 1 3 1\n";
+    let sides = "f 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\nf 9 10 11 12\n";
+    folder.write("block.obj", &format!("{floor}{base}{sides}"));
+    let lines = |options: &str| {
+        let ran = folder.run(&format!("form-factors block.obj --subdivide 2 --quiet --output F.csv {options}"));
+        done(&ran);
+        numbers(&folder.read("F.csv"))
+    };
+    done(&folder.run("solve block.obj --default-reflectance 0.5 --subdivide 2 --quiet --output out.csv"));
+    let (_, elements) = table(&folder.read("out.csv"));
+    let (plain, cut) = (lines(""), lines("--contacts"));
+    assert_eq!((plain.len(), cut.len()), (24, elements.len()));
+    let beside: Value = serde_json::from_str(&folder.read("F.csv.json")).unwrap();
+    let close = |a: &Value, b: f64| (a.as_f64().unwrap() - b).abs() < 1e-12;
+    for (k, line) in elements.iter().enumerate() {
+        assert!(close(&beside["surfaces"][k], line[0]) && close(&beside["cells"][k][0], line[1]), "{k}");
+        assert!(close(&beside["areas"][k], line[6]), "{k}");
+    }
+    // Under the block, whose sides stand on the lines x, y = 1 and 3, nothing is exchanged.
+    let covered = |line: &[f64]| line[0] == 0.0 && line[3] > 1.0 && line[3] < 3.0 && line[4] > 1.0 && line[4] < 3.0;
+    let dark: Vec<usize> = (0..cut.len()).filter(|&k| covered(&elements[k])).collect();
+    assert!(!dark.is_empty() && dark.iter().all(|&k| cut[k].iter().all(|&f| f == 0.0)), "{dark:?}");
+}
+
+/// Beside the store there may be a fifth of it, and what grows with the elements alone: the mesh, vectors and partial sums of products,
+/// below 4 kB an element. What the smallest run takes is the program itself.
+#[cfg(target_os = "linux")]
+#[test]
+fn peak_memory_is_that_of_the_store() {
+    let folder = Folder::new("memory");
+    folder.write("cube.obj", CUBE);
+    folder.write("cube.mtl", CUBE_MTL);
+    let peak = |command: &str| -> (f64, f64) {
+        let ran = folder.run(&format!("{command} --method analytic --threads 2 --json"));
+        done(&ran);
+        let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+        (object["peak_bytes"].as_f64().unwrap(), object["stored_bytes"].as_f64().unwrap())
+    };
+    let (base, _) = peak("solve cube.obj --subdivide 1");
+    let m = 6.0 * 14.0 * 14.0;
+    let commands = [
+        ("solve cube.obj --store dense", 1.0),
+        ("solve cube.obj --store packed", 0.5),
+        ("solve cube.obj --store packed-f32", 0.25),
+        ("form-factors cube.obj --output F.npy", 1.0),
+    ];
+    for (command, share) in commands {
+        let (peak, stored) = peak(&format!("{command} --subdivide 14"));
+        // Tiles on the diagonal are whole: 256 entries a row more than half.
+        assert!(stored < 8.0 * share * m * (m + 256.0), "{command}: {stored}");
+        assert!(peak - base < 1.2 * stored + 4096.0 * m, "{command}: {peak} over {base}, {stored} stored");
+    }
 }

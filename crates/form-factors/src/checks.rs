@@ -369,10 +369,12 @@ mod tests {
     fn the_worst_pair_is_found_wherever_its_block_lies() {
         let n = 200;
         for (s, t) in [(0, 199), (63, 64), (70, 100), (198, 199)] {
-            let entry = |a: usize, b: usize| if (a, b) == (s, t) { 0.75 } else { f64::from(u8::from((a + b) % 3 > 0)) };
+            let entry = |a: usize, b: usize| {
+                if (a, b) == (s, t) { 0.75 } else { f64::from(u8::from(!(a + b).is_multiple_of(3))) }
+            };
             let table = Table((0..n).map(|a| (0..n).map(|b| entry(a, b)).collect()).collect());
             let areas = vec![2.0; n];
-            let other = f64::from(u8::from((s + t) % 3 > 0));
+            let other = f64::from(u8::from(!(s + t).is_multiple_of(3)));
             let worst = check(&table, &areas, &areas, false).unwrap().reciprocity;
             assert_eq!(worst, Some((s, t, (0.75 - other).abs() / 2.0)));
         }

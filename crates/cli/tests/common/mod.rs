@@ -74,3 +74,15 @@ usemtl lamp\nf 5 6 7 8
 
 /// Materials of [`SQUARES`].
 pub const SQUARES_MTL: &str = "newmtl grey\nKd 0.5 0.4 0.3\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n";
+
+/// The unit cube from inside, its ceiling a lamp that reflects nothing, as OBJ with `cube.mtl`.
+#[allow(dead_code)] // each test file uses the scenes it needs
+pub const CUBE: &str = "mtllib cube.mtl
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+usemtl grey\nf 1 2 3 4\nf 1 4 8 5\nf 1 5 6 2\nf 7 3 2 6\nf 7 8 4 3
+usemtl lamp\nf 7 6 5 8
+";
+
+/// Materials of [`CUBE`].
+#[allow(dead_code)] // each test file uses the scenes it needs
+pub const CUBE_MTL: &str = "newmtl grey\nKd 0.5 0.4 0.3\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n";

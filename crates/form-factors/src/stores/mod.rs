@@ -8,8 +8,9 @@
 //! | [`OnDemand`] | nothing, or the rows asked for so far | a row computed in the caller's buffer | shooting, little memory |
 //!
 //! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
-//! rows too. [`aggregate`] sums rows and columns of elements to patches. What is *not* here: estimators, and any change of a value (normalising,
-//! symmetrising by scaling, dropping small entries).
+//! rows too. Those that hold their entries are [`Held`] and can be scaled in place, for [`crate::repair`]. [`aggregate`] sums rows and
+//! columns of elements to patches. What is *not* here: estimators, and any change of a value that nobody asked for (normalising, dropping
+//! small entries).
 
 mod dense;
 mod on_demand;

@@ -271,7 +271,10 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
         let begins: Vec<usize> = (0..partials).map(|k| self.row_of(share(k).start) * TILE).collect();
         // A poisoned scratch holds numbers like any other: it is filled before it is read.
         let mut scratch = std::mem::take(&mut *self.scratch.lock().unwrap_or_else(PoisonError::into_inner));
-        scratch.resize(partials * bands * stride, 0.0);
+        if scratch.len() != partials * bands * stride {
+            // Zeros that the system hands out untouched: partial sums that begin late are never written in front.
+            scratch = vec![0.0; partials * bands * stride];
+        }
         scratch.par_chunks_mut(bands * stride).enumerate().for_each(|(k, sums)| {
             sums.chunks_mut(stride).for_each(|band| band[begins[k]..].fill(0.0));
             self.apply(level, share(k), &padded, sums, bands);

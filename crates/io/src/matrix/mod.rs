@@ -8,6 +8,8 @@ pub mod csv;
 pub mod mtx;
 pub mod npy;
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use crate::{ReadError, WriteError};
@@ -156,14 +158,22 @@ pub fn write_matrix(path: &Path, matrix: MatrixView<'_>) -> Result<(), WriteErro
 /// [`ReadError::Extension`] for another extension, [`ReadError::Matrix`] if the file holds no matrix,
 /// [`ReadError::File`] if it cannot be read.
 pub fn read_matrix(path: &Path) -> Result<Matrix, ReadError> {
-    let read = match MatrixFormat::of(path) {
+    let unread = |source| ReadError::File { path: path.to_owned(), source };
+    let parse = match MatrixFormat::of(path) {
         Some(MatrixFormat::Csv) => csv::parse,
         Some(MatrixFormat::Mtx) => mtx::parse,
         Some(MatrixFormat::Npy) => npy::parse,
         None => return Err(ReadError::Extension { path: path.to_owned(), known: ".csv, .mtx or .npy" }),
     };
-    let bytes = std::fs::read(path).map_err(|source| ReadError::File { path: path.to_owned(), source })?;
-    read(&bytes).map_err(|MatrixError { line, what }| ReadError::Matrix { path: path.to_owned(), line, what })
+    let file = File::open(path).map_err(unread)?;
+    let about = file.metadata().map_err(unread)?;
+    let read = if MatrixFormat::of(path) == Some(MatrixFormat::Npy) && about.is_file() {
+        // As large as its values: not held twice.
+        npy::read(BufReader::new(file), about.len())
+    } else {
+        parse(&std::fs::read(path).map_err(unread)?)
+    };
+    read.map_err(|MatrixError { line, what }| ReadError::Matrix { path: path.to_owned(), line, what })
 }
 
 /// Why bytes hold no matrix.

@@ -1,5 +1,6 @@
 //! NumPy's array format, version 1.0: little-endian doubles, C order.
 
+use std::io::Read;
 use std::path::Path;
 
 use super::{Matrix, MatrixError, MatrixView};
@@ -35,16 +36,28 @@ pub fn write(path: &Path, matrix: MatrixView<'_>) -> Result<(), WriteError> {
 ///
 /// [`MatrixError`] if the bytes are no array of doubles in C order, hold a value that is no finite number, or end early.
 pub fn parse(bytes: &[u8]) -> Result<Matrix, MatrixError> {
+    read(bytes, bytes.len() as u64)
+}
+
+/// [`parse`] of what `input` gives, `length` bytes, of which no more than a piece is held beside the values.
+pub(super) fn read(mut input: impl Read, length: u64) -> Result<Matrix, MatrixError> {
     let refuse = |what: &str| MatrixError::new(0, what);
     // Magic, version, length of the header (2 bytes in version 1, 4 in versions 2 and 3).
-    let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("the file does not begin as a NumPy array"))?;
-    let (length, rest) = match rest {
-        [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
-        [2 | 3, _, a, b, c, d, rest @ ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest),
+    let magic: [u8; 8] = take(&mut input).ok_or_else(|| refuse(NO_ARRAY))?;
+    if !magic.starts_with(MAGIC) {
+        return Err(refuse(NO_ARRAY));
+    }
+    let size = match magic[6] {
+        1 => take::<2>(&mut input).map(|size| u64::from(u16::from_le_bytes(size))),
+        2 | 3 => take::<4>(&mut input).map(|size| u64::from(u32::from_le_bytes(size))),
         _ => return Err(refuse("the version of the NumPy array is not 1, 2 or 3")),
     };
-    let (header, data) = rest.split_at_checked(length).ok_or_else(|| refuse("the header is cut off"))?;
-    let header = String::from_utf8_lossy(header).replace([' ', '"'], "").replace('\'', "");
+    let before = if magic[6] == 1 { 10 } else { 12 };
+    let fits = size.filter(|size| before + size <= length);
+    let size = fits.ok_or_else(|| refuse("the header is cut off"))?;
+    let mut header = Vec::new();
+    input.by_ref().take(size).read_to_end(&mut header).map_err(|_| refuse("the header is cut off"))?;
+    let header = String::from_utf8_lossy(&header).replace([' ', '"'], "").replace('\'', "");
     if !header.contains("descr:<f8") {
         return Err(refuse("the array does not hold little-endian doubles ('<f8')"));
     }
@@ -53,17 +66,28 @@ pub fn parse(bytes: &[u8]) -> Result<Matrix, MatrixError> {
     }
     let (rows, columns) = shape(&header).ok_or_else(|| refuse("the array does not have one or two dimensions"))?;
     // The size must be what the bytes hold before anything of that size is made.
-    let needed = rows.checked_mul(columns).and_then(|n| n.checked_mul(8));
-    if needed != Some(data.len()) {
-        return Err(MatrixError::new(0, format!("{rows} × {columns} doubles do not fit {} bytes of data", data.len())));
+    let (data, needed) = (length - before - size, rows.checked_mul(columns).and_then(|n| n.checked_mul(8)));
+    if needed.map(|needed| needed as u64) != Some(data) {
+        return Err(MatrixError::new(0, format!("{rows} × {columns} doubles do not fit {data} bytes of data")));
     }
-    let (chunks, _) = data.as_chunks::<8>();
-    let values: Vec<f64> = chunks.iter().map(|b| f64::from_le_bytes(*b)).collect();
-    if let Some(k) = values.iter().position(|v| !v.is_finite()) {
-        let (i, j) = (k / columns, k % columns);
-        return Err(MatrixError::new(0, format!("the value in row {i}, column {j} is {}", values[k])));
+    let mut values = Vec::with_capacity(rows * columns);
+    for k in 0..rows * columns {
+        let value = take(&mut input).map(f64::from_le_bytes).ok_or_else(|| refuse("the data are cut off"))?;
+        if !value.is_finite() {
+            let (i, j) = (k / columns, k % columns);
+            return Err(MatrixError::new(0, format!("the value in row {i}, column {j} is {value}")));
+        }
+        values.push(value);
     }
     Ok(Matrix { rows, columns, values })
+}
+
+const NO_ARRAY: &str = "the file does not begin as a NumPy array";
+
+/// The next N bytes; `None` if there are not so many.
+fn take<const N: usize>(input: &mut impl Read) -> Option<[u8; N]> {
+    let mut bytes = [0; N];
+    input.read_exact(&mut bytes).is_ok().then_some(bytes)
 }
 
 /// Sizes from `shape:(3,4)` or `shape:(4,)`.
