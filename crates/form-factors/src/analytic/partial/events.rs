@@ -179,9 +179,9 @@ impl Region {
             }
             let (mut group, mut k) = (vec![first], 0);
             while k < group.len() {
-                for other in 1..self.loops.len() {
-                    if !grouped[other] && self.overlaps[group[k]][other].is_some() {
-                        grouped[other] = true;
+                for (other, grouped) in grouped.iter_mut().enumerate().skip(1) {
+                    if !*grouped && self.overlaps[group[k]][other].is_some() {
+                        *grouped = true;
                         group.push(other);
                     }
                 }
@@ -215,7 +215,7 @@ impl Region {
 
     /// Adds the arcs around what a set of loops, the receiver among them, have in common.
     fn intersect(&mut self, set: &[usize]) {
-        let weight = if set.len() % 2 == 0 { 1.0 } else { -1.0 };
+        let weight = if set.len().is_multiple_of(2) { 1.0 } else { -1.0 };
         for &a in set {
             let others = || set.iter().copied().filter(move |&b| b != a);
             for edge in 0..self.loops[a].len() {
@@ -321,11 +321,10 @@ impl Event {
             if parts.len() >= MAX_PARTS {
                 return;
             }
-            if let Some((front, back)) = split(&parts[k], &self.line, snap) {
-                if self.ends.is_none_or(|ends| crosses(&parts[k], ends, snap)) {
-                    parts[k] = front;
-                    parts.push(back);
-                }
+            let cut = split(&parts[k], &self.line, snap);
+            if let Some((front, back)) = cut.filter(|_| self.ends.is_none_or(|ends| crosses(&parts[k], ends, snap))) {
+                parts[k] = front;
+                parts.push(back);
             }
         }
     }
