@@ -14,9 +14,6 @@ use super::shade::{Plane, View};
 /// Overlapping shadows are joined by inclusion and exclusion up to so many terms.
 const MAX_TERMS: usize = 31;
 
-/// Parts into which events cut a carrier at most; what is left uncut is left to the adaptive rule.
-const MAX_PARTS: usize = 1024;
-
 /// Share of the least width of a part within which corners are moved to a line.
 const NEEDLE: f64 = 1e-3;
 
@@ -237,8 +234,9 @@ impl Region {
         }
     }
 
-    /// The part cut along the events in it; events that only come within `snap` of a border are left out.
-    pub fn split(&self, part: Vec<DVec2>, snap: f64) -> Vec<Vec<DVec2>> {
+    /// The part cut along the events in it; events that only come within `snap` of a border are left out, and those after `most` parts
+    /// are left to the adaptive rule.
+    pub fn split(&self, part: Vec<DVec2>, snap: f64, most: usize) -> Vec<Vec<DVec2>> {
         let mut parts = vec![part];
         if self.covered {
             return parts;
@@ -249,13 +247,18 @@ impl Region {
                     let (p, q) = (self.loops[a][cut.edge], next(&self.loops[a], cut.edge));
                     for (v, h) in self.loops[b].iter().zip(&cut.heights) {
                         if let Some(event) = Event::new(p, q, *v, h) {
-                            event.split(&mut parts, snap);
+                            event.split(&mut parts, snap, most);
                         }
                     }
                 }
             }
         }
         parts
+    }
+
+    /// Shadows that the receiver is cut by one after another.
+    pub fn crowded(&self) -> u64 {
+        self.crowds.iter().map(Vec::len).sum::<usize>() as u64
     }
 
     /// What is seen from a convex cell of the carrier.
@@ -315,10 +318,10 @@ impl Event {
         Some(Self { line, ends })
     }
 
-    /// Cuts the parts that it crosses.
-    fn split(&self, parts: &mut Vec<Vec<DVec2>>, snap: f64) {
+    /// Cuts the parts that it crosses, while they are fewer than `most`.
+    fn split(&self, parts: &mut Vec<Vec<DVec2>>, snap: f64, most: usize) {
         for k in 0..parts.len() {
-            if parts.len() >= MAX_PARTS {
+            if parts.len() >= most {
                 return;
             }
             let cut = split(&parts[k], &self.line, snap);
@@ -387,7 +390,7 @@ pub(super) fn cut_at_planes(view: &View, snap: f64) -> Vec<Vec<DVec2>> {
         // A plane along the carrier's own leaves no line on it.
         if slope > view.slack {
             let line = [-at / slope, n.x / slope, n.y / slope];
-            Event { line, ends: None }.split(&mut parts, snap);
+            Event { line, ends: None }.split(&mut parts, snap, usize::MAX);
         }
     }
     parts
