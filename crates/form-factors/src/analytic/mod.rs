@@ -92,7 +92,8 @@ struct Blockers<'a> {
 pub enum PartialVisibility {
     /// The hidden part is exact from every point, and integrated adaptively; [`Estimate::bound`] holds an estimate of the error.
     Exact {
-        /// Error of F_ij and F_ji to aim at.
+        /// Error of F_ij and F_ji to aim at. A pair among very many blockers may stop short of it after some 10⁵ points: its bound says
+        /// what is open.
         tolerance: f64,
     },
     /// The unoccluded value times the visible share of segments; [`Estimate::bound`] holds three standard errors.
