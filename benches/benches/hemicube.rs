@@ -6,7 +6,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use pulp::Arch;
-use radiosity_benches::{SEED, cornell, furnished_cube};
+use radiosity_benches::{SEED, cornell, spheres};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::Facets;
@@ -45,8 +45,8 @@ fn bench(c: &mut Criterion, id: BenchmarkId, facets: &Facets, hemicube: &Hemicub
 
 fn hemicube(c: &mut Criterion) {
     let mut furnished = Facets::new();
-    furnished_cube().into_iter().for_each(|triangle| furnished.push(vec![triangle], false));
-    for (scene, facets) in [("cornell", Facets::of_surfaces(&cornell())), ("furnished-cube", furnished)] {
+    spheres().into_iter().for_each(|triangle| furnished.push(vec![triangle], false));
+    for (scene, facets) in [("cornell", Facets::of_surfaces(&cornell())), ("spheres", furnished)] {
         for resolution in [64, 128, 256, 512] {
             let hemicube =
                 || Hemicube::new(&facets, Receivers::facets(&facets), resolution, SEED).expect("a resolution in range");

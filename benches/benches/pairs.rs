@@ -38,7 +38,7 @@ fn pairs(c: &mut Criterion) {
             for level in Level::all() {
                 let analytic = Analytic::new(None).at_level(level);
                 let id = |store: &str| BenchmarkId::new(format!("{store}/{}", level_name(level)), tolerance);
-                let rows = || PairwiseRows::new(analytic, facets, facets, tolerance, SEED);
+                let rows = || PairwiseRows::new(analytic.clone(), facets, facets, tolerance, SEED);
                 group.bench_function(id("rows"), |bench| {
                     bench.iter(|| {
                         let rows = rows();

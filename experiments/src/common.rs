@@ -129,7 +129,7 @@ pub fn setting(method: Method) -> String {
     let count = match method {
         Method::Analytic { partial: PartialVisibility::Exact { tolerance }, .. } => return format!("{tolerance:e}"),
         Method::RayCast { error: Some(error), .. } => return format!("{error:e}"),
-        Method::Analytic { partial: PartialVisibility::Rays { samples }, .. } => samples,
+        Method::Analytic { partial: PartialVisibility::Rays { samples, .. }, .. } => samples,
         Method::RayCast { rays, .. } | Method::RaysAndEmitters { rays } => rays,
         Method::Hemicube { resolution } => resolution,
     };

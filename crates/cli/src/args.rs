@@ -136,10 +136,10 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// The method asked for with its settings, or `otherwise`.
-    pub fn method(&self, otherwise: Method) -> Method {
+    /// The method asked for with its settings, or `otherwise`, among `blocking` polygons that may block.
+    pub fn method(&self, otherwise: Method, blocking: usize) -> Method {
         let named = self.method.map(|name| match name {
-            MethodName::Analytic => Method::ANALYTIC,
+            MethodName::Analytic => Method::analytic_among(blocking),
             MethodName::RayCast => Method::RAY_CAST,
             MethodName::RaysAndEmitters => Method::RAYS_AND_EMITTERS,
             MethodName::Hemicube => Method::HEMICUBE,
@@ -149,7 +149,8 @@ impl Estimator {
         let implied = rays.map(|()| Method::RAY_CAST).or(self.resolution.map(|_| Method::HEMICUBE));
         match named.or(implied).unwrap_or(otherwise) {
             Method::Analytic { tolerance, partial } => {
-                let rays = self.samples.map(|samples| PartialVisibility::Rays { samples });
+                let rays =
+                    self.samples.map(|samples| PartialVisibility::Rays { samples, standard_error: f64::INFINITY });
                 Method::Analytic { tolerance, partial: rays.unwrap_or(partial) }
             }
             Method::RayCast { rays, error } => {

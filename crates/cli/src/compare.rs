@@ -3,6 +3,7 @@
 use radiosity::{Geometry, run as run_strategy};
 use radiosity::{GridValues, Measured, Method, RunError, Store, Strategy, Yardstick, default_method};
 use radiosity_core::Outcome;
+use radiosity_geometry::Occluders;
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_io::write_atomically;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Point, Quality, Series};
@@ -26,10 +27,11 @@ const MOST_PAIRS: u64 = 4 << 20;
 
 /// The strategies of a comparison: every solver on every store of the pairwise estimator, and on the dense and the
 /// recomputed store of the row-wise ones.
-fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
+fn strategies(subdivide: u32, unshot: f64, seed: u64, blocking: usize) -> Vec<Strategy> {
     let mut all = Vec::new();
     for method in METHODS {
         let pairwise = matches!(method, Method::Analytic { .. });
+        let method = if pairwise { Method::analytic_among(blocking) } else { method };
         for store in Store::ALL.into_iter().chain(Store::SYMMETRIC) {
             for solver in radiosity_solvers::NAMES {
                 // Recomputed rows make sense for the one method that reads few of them.
@@ -54,7 +56,8 @@ fn strategies(subdivide: u32, unshot: f64, seed: u64) -> Vec<Strategy> {
 pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let imported = scene::with_materials(&args.common)?;
     let scene = &imported.scene;
-    let all = strategies(args.subdivide, args.unshot, args.common.seed);
+    let blocking = Occluders::blocking(scene).len();
+    let all = strategies(args.subdivide, args.unshot, args.common.seed, blocking);
     if args.common.dry_run {
         let object = json!({ "dry_run": true, "strategies": all.len() });
         output::print(&args.common, &object, &[format!("{} strategies; nothing run", all.len())]);
@@ -72,7 +75,10 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let reference = run_strategy(scene, &fine, &mut ())?;
     let truth = GridValues::means(&reference.geometry, &reference.solution.irradiance, GRID)?;
     drop(reference);
-    let best = Method::exact(1e-10, 1e-7);
+    let best = match Method::analytic_among(blocking) {
+        Method::ANALYTIC => Method::exact(1e-10, 1e-7),
+        _ => Method::sampled(1e-10, 1024),
+    };
     let mut yardstick = Yardstick::new(scene, truth, GRID, best, MOST_PAIRS);
     let compared: Vec<Compared<'_>> = all
         .into_iter()

@@ -114,12 +114,16 @@ struct Made {
 }
 
 /// The estimator, with the tolerance of the flag, of the file, or by default.
-fn method(args: &FormFactorsArgs, faces: &Faces) -> Method {
-    match args.estimator.method(Method::ANALYTIC) {
+fn method(args: &FormFactorsArgs, faces: &Faces, blocking: usize) -> Method {
+    match args.estimator.method(Method::analytic_among(blocking), blocking) {
         Method::Analytic { tolerance, partial } => {
             let tolerance = args.tolerance.or(faces.tolerance).unwrap_or(tolerance);
             let partial = match (args.tolerance, partial) {
-                (Some(asked), PartialVisibility::Exact { .. }) => PartialVisibility::Exact { tolerance: asked },
+                (Some(tolerance), PartialVisibility::Exact { .. }) => PartialVisibility::Exact { tolerance },
+                // As many segments as that takes, up to what the estimator allows: the bound says what is left.
+                (Some(asked), PartialVisibility::Rays { samples, .. }) if args.estimator.samples.is_none() => {
+                    PartialVisibility::Rays { samples, standard_error: asked / 3.0 }
+                }
                 (_, partial) => partial,
             };
             Method::Analytic { tolerance, partial }
@@ -143,11 +147,11 @@ fn check_repair(args: &FormFactorsArgs, faces: &Faces) -> Result<(), Failure> {
 fn of_cells(args: &FormFactorsArgs, faces: &Faces) -> Result<Verdict, Failure> {
     let cells = cells(args, faces)?;
     let layout = Layout::of_cells(&cells);
-    if args.common.dry_run {
-        return Ok(dry_run(args, method(args, faces), layout.labels.len(), cells.cells.len()));
-    }
     let blockers = Occluders::blocking(&faces.imported.scene);
-    let method = method(args, faces);
+    let method = method(args, faces, blockers.len());
+    if args.common.dry_run {
+        return Ok(dry_run(args, method, layout.labels.len(), cells.cells.len()));
+    }
     let filled = cell_form_factors(&cells.cells, &cells.elements, &cells.cell, &blockers, method, args.common.seed)?;
     // What only blocks counts as nothing in checks.
     let mut areas = cells.cells.areas();
@@ -163,7 +167,7 @@ fn of_elements(args: &FormFactorsArgs, faces: &Faces) -> Result<Verdict, Failure
     let settings = MeshSettings { elements, patches: None, contacts: true };
     let geometry = Geometry::new(&faces.imported.scene, &settings)?;
     let layout = Layout::of_elements(&geometry);
-    let method = method(args, faces);
+    let method = method(args, faces, geometry.blockers().len());
     if args.common.dry_run {
         return Ok(dry_run(args, method, layout.labels.len(), layout.rows.len()));
     }

@@ -49,7 +49,7 @@ pub fn method(method: Method) -> Value {
         Method::Analytic { tolerance, partial: PartialVisibility::Exact { tolerance: partial } } => {
             json!({ "name": method.name(), "tolerance": tolerance, "partial_tolerance": partial })
         }
-        Method::Analytic { tolerance, partial: PartialVisibility::Rays { samples } } => {
+        Method::Analytic { tolerance, partial: PartialVisibility::Rays { samples, .. } } => {
             json!({ "name": method.name(), "tolerance": tolerance, "samples": samples })
         }
         Method::RayCast { rays, error: Some(error) } => {

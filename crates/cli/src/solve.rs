@@ -35,7 +35,8 @@ pub fn mesh_settings(mesh: &MeshArgs) -> MeshSettings {
 
 /// The strategy asked for, with what is not asked for chosen by the size of `geometry`.
 pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimator, seed: u64) -> Strategy {
-    let method = estimator.method(default_method(geometry.elements().len(), geometry.blockers().len()));
+    let blocking = geometry.blockers().len();
+    let method = estimator.method(default_method(geometry.elements().len(), blocking), blocking);
     let substructured = mesh.patches.is_some();
     let mut strategy = Strategy { mesh, seed, ..Strategy::new(Subdivision::Uniform(1), method) };
     if substructured {

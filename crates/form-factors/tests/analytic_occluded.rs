@@ -87,6 +87,25 @@ fn error_falls_faster_than_with_independent_samples() {
     assert!(many < few / 5.0, "{few:e} {many:e}");
 }
 
+/// Segments are doubled until the standard error is what is asked: it is, by the pair's own count, and the error is within five of
+/// them for every seed; 1e-3 takes fewer segments than 1e-4.
+#[test]
+fn rays_are_doubled_to_the_standard_error_asked() {
+    let (i, j, occluders) = between(&[rectangle([-0.25, 0.25, -0.25, 0.25], 0.5, true)]);
+    let mut rays = Vec::new();
+    for standard_error in [1e-3, 1e-4] {
+        let rule = PartialVisibility::Rays { samples: 16, standard_error };
+        for seed in 0..8 {
+            let estimate = Analytic::new(Some(&occluders)).partial_visibility(rule).exchange(&i, &j, TOLERANCE, seed);
+            let error = (estimate.value - 0.099_506_294_598_984_79).abs();
+            assert!(estimate.bound <= 3.0 * standard_error + TOLERANCE, "seed {seed}: {estimate:?}");
+            assert!(error < 5.0 * standard_error, "seed {seed}: {error:e} {estimate:?}");
+            rays.push(estimate.cost.rays);
+        }
+    }
+    assert!(rays[..8].iter().max() < rays[8..].iter().min(), "{rays:?}");
+}
+
 #[test]
 fn a_sheet_that_covers_every_segment_hides_the_pair() {
     let (i, j, occluders) = between(&[rectangle([-0.6, 0.7, -0.8, 0.9], 0.4, true)]);

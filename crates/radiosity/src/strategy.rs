@@ -52,7 +52,13 @@ impl Method {
 
     /// Analytic, partly blocked pairs by `samples` segments.
     pub const fn sampled(tolerance: f64, samples: u32) -> Self {
-        Self::Analytic { tolerance, partial: PartialVisibility::Rays { samples } }
+        Self::Analytic { tolerance, partial: PartialVisibility::Rays { samples, standard_error: f64::INFINITY } }
+    }
+
+    /// Analytic with the default rule for partly blocked pairs among `blocking` polygons: exact, or segments where so many shadows
+    /// may overlap that exact ones cost more than they are worth.
+    pub const fn analytic_among(blocking: usize) -> Self {
+        if blocking <= FEW_BLOCKERS { Self::ANALYTIC } else { Self::sampled(1e-10, 256) }
     }
 
     /// Rows of `rays` rays each.
@@ -70,6 +76,9 @@ impl Method {
         }
     }
 }
+
+/// Blocking polygons up to which partly blocked pairs are exact by default.
+const FEW_BLOCKERS: usize = 64;
 
 /// What is kept of the form factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -198,7 +207,7 @@ pub fn default_method(elements: usize, blocking: usize) -> Method {
     // A partly blocked pair costs tens of microseconds, and every blocker must be looked at for every pair.
     let pairs = elements as f64 * elements as f64 / 2.0;
     let limit = if blocking == 0 { 5e7 } else { 2e8 / blocking as f64 };
-    if pairs <= limit { Method::ANALYTIC } else { Method::RAYS_AND_EMITTERS }
+    if pairs <= limit { Method::analytic_among(blocking) } else { Method::RAYS_AND_EMITTERS }
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@
 //! | near, touching, tiny gap | contour integral, corner logarithms and pairs of parallel edges closed, inner edge closed and Gauss–Kronrod outside for the rest | all others | 7/15, panels bisected | per panel proven (ellipse of analyticity) or the difference of the two rules; singularities left alone, rounding |
 //! | near, and a sliver or of very unequal size | exact point factors, integrated over the smaller polygon | where the contour rule's rounding exceeds the tolerance and 1e-11 of the smaller area or 1e-7 of the value | 7/15 in two directions, pieces bisected in either | differences of the rules, area of what is left, rounding |
 //! | crossing a plane | clipped at the horizon, then as above | | | as above, and the area that rounding moves across the cut |
-//! | partly blocked | unoccluded value − ∫ hidden part, exact from every point (`partial`) | where the classification says so | Gauss on the cells between visibility events, refined | differences of the rules and the above |
-//! | partly blocked, by segments | unoccluded value × Σ kV/Σ k (`sampling`) | if asked for | from the standard error asked, or a number of segments | three standard errors and the above |
+//! | partly blocked | exact hidden part of every point, product rules between visibility events (`partial`) | where the classification says so | 1, 2, 3, 5, 8 a direction, then cells halved | estimate: last difference of orders, and the above |
+//! | the same, [`PartialVisibility::Rays`] | unoccluded value × Σ kV/Σ k (`sampling`) | likewise | segments doubled to a standard error | three standard errors and the above |
 //!
 //! h is half the length of a patch along one direction and D its distance from the partner (see `order`). All
 //! rules aim at max(tolerance · min(A_i, A_j), rounding) and 1000 · tolerance relative. Nothing is clipped, split or compared at
@@ -19,7 +19,8 @@
 //! by the same bound. The bound is about 7 times the error in the median between the cells of a cube, and the worst error
 //! about a quarter of the tolerance: a tolerance of 3.5e-9 gives errors of at most 1e-9.
 //!
-//! What is *not* here: patches that are not flat, surfaces other than polygons.
+//! What is *not* here: patches that are not flat, surfaces other than polygons, and a proven
+//! bound for partly blocked pairs.
 
 mod area_quadrature;
 mod blocks;
@@ -56,7 +57,7 @@ use blocks::{AWAY, Source};
 use pair::FacingPair;
 use partial::{Blocked, Bodies, Visible};
 use sampling::visible_share;
-use visibility::{Blocking, Visibility, classify};
+use visibility::{Blocking, Screens, Visibility};
 
 /// Error of the form factors of partial pairs, unless set otherwise.
 const TOLERANCE: f64 = 1e-6;
@@ -66,8 +67,8 @@ const LARGE: f64 = 1.0 / 300.0;
 /// Targets whose bounds are kept at once.
 const RUN: usize = 256;
 
-/// Exchange areas of pairs of convex polygons: unoccluded values to a tolerance, times a sampled visible share where
-/// something may lie between.
+/// Exchange areas of pairs of convex polygons: unoccluded values to a tolerance, and the visible part where something may lie
+/// between, by one of the rules of [`PartialVisibility`].
 ///
 /// ```text
 /// A_i F_ij = ∫_i ∫_j cos θ_i cos θ_j V / (π r²) dA_j dA_i
@@ -98,25 +99,30 @@ pub struct Analytic<'a> {
     level: Level,
 }
 
-/// Polygons that block, and the bodies among them.
+/// Polygons that block, what sorting pairs needs of them, and the bodies among them.
 #[derive(Clone)]
 struct Blockers<'a> {
     occluders: &'a Occluders,
+    screens: Arc<Screens>,
     bodies: Arc<Bodies>,
 }
 
 /// How pairs are computed between which something may lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PartialVisibility {
-    /// The hidden part is exact from every point, and integrated adaptively.
+    /// The hidden part is exact from every point, and integrated adaptively; [`Estimate::bound`] holds an estimate of the error.
     Exact {
-        /// Error of F_ij and F_ji to aim at, or what the pair is asked for if that is more.
+        /// Error of F_ij and F_ji to aim at. A pair among very many blockers may stop short of it after some 10⁵ points: its bound says
+        /// what is open.
         tolerance: f64,
     },
-    /// The unoccluded value times the visible share of segments.
+    /// The unoccluded value times the visible share of segments; [`Estimate::bound`] holds three standard errors.
     Rays {
         /// Segments of a pair at least; pairs with F > 1/300 get 300 F times as many.
         samples: u32,
+        /// Standard error of F_ij and F_ji down to which the segments are doubled, as far as 2¹⁹ of them; infinite for no more
+        /// than `samples`. It is itself an estimate from 8 replicates, with a heavy tail where few segments are blocked.
+        standard_error: f64,
     },
 }
 
@@ -132,7 +138,11 @@ impl<'a> Analytic<'a> {
     /// The polygons of the pairs themselves may be among them: a polygon does not block what lies in its plane.
     pub fn new(occluders: Option<&'a Occluders>) -> Self {
         let occluders = occluders.filter(|occluders| !occluders.is_empty());
-        let scene = occluders.map(|occluders| Blockers { occluders, bodies: Arc::new(Bodies::find(occluders)) });
+        let scene = occluders.map(|occluders| {
+            let bodies = Bodies::find(occluders);
+            let screens = Screens::new(occluders, &bodies);
+            Blockers { occluders, screens: Arc::new(screens), bodies: Arc::new(bodies) }
+        });
         Self { scene, visibility: PartialVisibility::default(), level: Level::best() }
     }
 
@@ -142,45 +152,39 @@ impl<'a> Analytic<'a> {
         Self { visibility, ..self }
     }
 
-    /// Tests partial pairs with at least `samples` segments: [`PartialVisibility::Rays`].
+    /// Tests partial pairs with `samples` segments, and more where F is large: [`PartialVisibility::Rays`].
     #[must_use]
     pub fn samples(self, samples: u32) -> Self {
-        self.partial_visibility(PartialVisibility::Rays { samples })
+        self.partial_visibility(PartialVisibility::Rays { samples, standard_error: f64::INFINITY })
     }
 
-    /// Completes the estimate of a pair whose unoccluded value is `whole`; `smaller` is the smaller of the whole areas.
-    fn finish(
-        &self,
-        pair: &FacingPair,
-        whole: impl FnOnce() -> Bounded,
-        smaller: f64,
-        tolerance: f64,
-        seed: u64,
-    ) -> Estimate {
+    /// The estimate of a pair whose unoccluded value is `whole()`: that, nothing, or what is seen of it. `smaller` is the smaller of the
+    /// whole areas.
+    fn finish(&self, pair: &FacingPair, smaller: f64, seed: u64, whole: impl FnOnce() -> Bounded) -> Estimate {
         let cost = Cost { form_factors: 1, ..Cost::default() };
         let clear = |whole: Bounded| {
             let cost = Cost { clear_pairs: 1, ..cost };
             Estimate { value: whole.value, bound: whole.bound, cost }
         };
-        let Some(Blockers { occluders, bodies }) = &self.scene else { return clear(whole()) };
-        let blockers = match classify(occluders, pair) {
+        let Some(Blockers { occluders, screens, bodies }) = &self.scene else { return clear(whole()) };
+        let blockers = match screens.classify(occluders, pair) {
             Visibility::Clear => return clear(whole()),
             Visibility::Hidden => return Estimate { cost: Cost { hidden_pairs: 1, ..cost }, ..Estimate::default() },
             Visibility::Partial(blockers) => blockers,
         };
         let (whole, cost) = (whole(), Cost { partial_pairs: 1, ..cost });
         match self.visibility {
-            PartialVisibility::Exact { tolerance: exact } => {
-                let absolute = smaller * exact.max(tolerance);
-                let blocked = Blocked { occluders, bodies, blockers: &blockers, absolute };
+            PartialVisibility::Exact { tolerance } => {
+                let blocked = Blocked { occluders, bodies, blockers: &blockers, absolute: tolerance * smaller };
                 let Visible { area, points } = blocked.visible(pair, whole);
                 Estimate { value: area.value, bound: area.bound, cost: Cost { visibility_points: points, ..cost } }
             }
-            PartialVisibility::Rays { samples } => {
+            PartialVisibility::Rays { samples, standard_error } => {
                 let more = (whole.value / (smaller * LARGE)).max(1.0);
                 let blocking = Blocking::new(occluders, pair, &blockers);
                 // Conversion saturates: more segments than there are points in the sequence are not used.
-                let share = visible_share(pair, &blocking, (f64::from(samples) * more) as u32, seed);
+                let (samples, wanted) = ((f64::from(samples) * more) as u32, standard_error * smaller / whole.value);
+                let share = visible_share(pair, &blocking, samples, wanted, seed);
                 Estimate {
                     value: whole.value * share.visible,
                     bound: 3.0 * share.error * whole.value + whole.bound,
@@ -203,9 +207,7 @@ impl<'a> Analytic<'a> {
             let pair = FacingPair::new(i, j)?;
             Some((pair, i.area().min(j.area()), seed))
         });
-        pair.map_or(Estimate::default(), |(pair, smaller, seed)| {
-            self.finish(&pair, || whole, smaller, run.tolerance, seed)
-        })
+        pair.map_or(Estimate::default(), |(pair, smaller, seed)| self.finish(&pair, smaller, seed, || whole))
     }
 }
 
@@ -218,7 +220,7 @@ impl Pairwise for Analytic<'_> {
         let Some(pair) = FacingPair::new(i, j) else { return Estimate::default() };
         let smaller = i.area().min(j.area());
         let whole = || unoccluded::exchange_area(&pair, smaller, tolerance);
-        self.finish(&pair, whole, smaller, tolerance, seed)
+        self.finish(&pair, smaller, seed, whole)
     }
 
     fn lay_out(&self, targets: &Facets) -> Option<FacetBlocks> {

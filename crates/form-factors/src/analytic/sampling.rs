@@ -5,7 +5,11 @@
 //! ```
 //!
 //! with the exact unoccluded value F₀. Numerator and denominator use the same points, so what the points do badly on the kernel
-//! cancels and only the shadow's edge is left to chance.
+//! cancels and only the shadow's edge is left to chance. The points are doubled until the standard error is small enough.
+//!
+//! The standard error has a heavy tail: where all segments agree it says nothing of what is narrower than their spacing,
+//! and one that is small by chance stops the doubling early. So it is never taken to be below one segment's share, and no pair begins with
+//! fewer than it is given.
 
 use glam::DVec3;
 use radiosity_geometry::Polygon;
@@ -34,34 +38,45 @@ pub(super) struct Share {
     pub rays: u64,
 }
 
-/// Estimates the visible share of a pair from at least `samples` segments.
-pub(super) fn visible_share(pair: &FacingPair, blocking: &Blocking<'_>, samples: u32, seed: u64) -> Share {
+/// Estimates the visible share of a pair from at least `samples` segments, and as many more as its standard error takes to come down to
+/// `wanted`, the longest sequence permitting.
+pub(super) fn visible_share(pair: &FacingPair, blocking: &Blocking<'_>, samples: u32, wanted: f64, seed: u64) -> Share {
     let unknown = Share { visible: 0.5, error: 0.5, rays: 0 };
     let (Some(i), Some(j)) = (Spread::new(&pair.i, pair.n_i), Spread::new(&pair.j, pair.n_j)) else { return unknown };
-    let each = samples.div_ceil(REPLICATES as u32).clamp(1, MAX_POINTS).next_power_of_two();
+    let kernel = |point: u32, scramble: u32| {
+        // The middle of the sequence's 2⁻²⁴ wide cells: never on an edge.
+        let [a, b, c, d] = sample_4d(point, 0, scramble).map(|u| f64::from(u) + 0.5_f64.powi(25));
+        let ((x, w_x), (y, w_y)) = (i.at(a, b), j.at(c, d));
+        let apart = y - x;
+        let r2 = apart.length_squared();
+        let k = w_x * w_y * apart.dot(pair.n_i).max(0.0) * (-apart.dot(pair.n_j)).max(0.0) / (r2 * r2);
+        (k > 0.0 && k.is_finite()).then_some((k, x, y))
+    };
     let mut sums = [(0.0, 0.0); REPLICATES]; // Σ k V and Σ k
-    for (r, (visible, all)) in sums.iter_mut().enumerate() {
-        let scramble = (mix(mix(seed) ^ r as u64) >> 32) as u32;
-        for point in 0..each {
-            // The middle of the sequence's 2⁻²⁴ wide cells: never on an edge.
-            let [a, b, c, d] = sample_4d(point, 0, scramble).map(|u| f64::from(u) + 0.5_f64.powi(25));
-            let ((x, w_x), (y, w_y)) = (i.at(a, b), j.at(c, d));
-            let apart = y - x;
-            let r2 = apart.length_squared();
-            let k = w_x * w_y * apart.dot(pair.n_i).max(0.0) * (-apart.dot(pair.n_j)).max(0.0) / (r2 * r2);
-            if !(k > 0.0 && k.is_finite()) {
-                continue;
-            }
-            *all += k;
-            if !blocking.blocks(x, y) {
-                *visible += k;
+    let (mut begin, mut end) = (0, samples.div_ceil(REPLICATES as u32).clamp(1, MAX_POINTS).next_power_of_two());
+    loop {
+        for (r, (visible, all)) in sums.iter_mut().enumerate() {
+            let scramble = (mix(mix(seed) ^ r as u64) >> 32) as u32;
+            for (k, x, y) in (begin..end).filter_map(|point| kernel(point, scramble)) {
+                *all += k;
+                if !blocking.blocks(x, y) {
+                    *visible += k;
+                }
             }
         }
+        let share = share(&sums, u64::from(end) * REPLICATES as u64);
+        if share.error <= wanted || end >= MAX_POINTS {
+            return share;
+        }
+        (begin, end) = (end, 2 * end);
     }
-    let rays = u64::from(each) * REPLICATES as u64;
+}
+
+/// The share and its error, from the sums Σ k V and Σ k of the replicates.
+fn share(sums: &[(f64, f64); REPLICATES], rays: u64) -> Share {
     let (seen, all) = sums.iter().fold((0.0, 0.0), |(seen, all), (v, k)| (seen + v, all + k));
     if all <= 0.0 {
-        return Share { rays, ..unknown };
+        return Share { visible: 0.5, error: 0.5, rays };
     }
     let visible = seen / all;
     // Variance of a ratio, by its linearisation over the replicates.

@@ -17,6 +17,7 @@ use glam::DVec3;
 use radiosity_geometry::{Occluders, Polygon};
 
 use super::pair::{FacingPair, rounding};
+use super::partial::Bodies;
 
 /// Blockers of one pair whose segments are tested one by one; beyond that the hierarchy is asked.
 const DIRECT: usize = 8;
@@ -47,14 +48,15 @@ pub(super) enum Blocking<'a> {
 }
 
 impl<'a> Blocking<'a> {
-    /// The polygons that [`classify`] found in the way of a pair.
+    /// The polygons that [`Screens::classify`] found in the way of a pair.
     pub fn new(occluders: &'a Occluders, pair: &FacingPair, blockers: &[usize]) -> Self {
         if blockers.len() > DIRECT {
             return Self::All { occluders, origin: pair.origin };
         }
         let blocker = |&k: &usize| {
             let polygon = &occluders.polygons()[k];
-            Blocker::new(polygon, pair.origin, slack(polygon, pair))
+            let slack = 2.0 * (pair.slack.max(rounding(polygon.vertices())) + polygon.thickness());
+            Blocker::new(polygon, pair.origin, slack)
         };
         Self::Few(blockers.iter().map(blocker).collect())
     }
@@ -68,31 +70,91 @@ impl<'a> Blocking<'a> {
     }
 }
 
-/// Sorts a pair by what lies between.
-pub(super) fn classify(occluders: &Occluders, pair: &FacingPair) -> Visibility {
-    let corners = pair.i.iter().chain(&pair.j);
-    let (lo, hi) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-    let grow = DVec3::splat(pair.slack);
-    let (mut blockers, mut hidden) = (Vec::new(), false);
-    occluders.overlapping(pair.origin + lo - grow, pair.origin + hi + grow, &mut |k| {
-        if hidden {
-            return;
+/// Scenes of so few blockers are gone through; beyond that the hierarchy is asked.
+const SHORT: usize = 24;
+
+/// What is needed of every blocking polygon to sort pairs.
+#[derive(Clone, Debug)]
+pub(super) struct Screens {
+    screens: Vec<Screen>,
+    /// Faces of convex bodies, body by body.
+    bodies: Vec<Vec<usize>>,
+    /// The other polygons.
+    singles: Vec<usize>,
+}
+
+/// A polygon with what its planes need.
+#[derive(Clone, Debug)]
+struct Screen {
+    vertices: Vec<DVec3>,
+    normal: DVec3,
+    thickness: f64,
+    rounding: f64,
+    low: DVec3,
+    high: DVec3,
+    /// A point of each edge, and the unit normal into the polygon, in its plane.
+    sides: Vec<(DVec3, DVec3)>,
+}
+
+impl Screens {
+    /// The screens of all polygons of a scene, and its convex bodies.
+    pub fn new(occluders: &Occluders, bodies: &Bodies) -> Self {
+        Self {
+            screens: occluders.polygons().iter().map(Screen::new).collect(),
+            bodies: bodies.iter().map(|body| body.faces.clone()).collect(),
+            singles: (0..occluders.len()).filter(|&k| bodies.of(k).is_none()).collect(),
         }
-        match between(&occluders.polygons()[k], pair) {
-            Between::Nothing => {}
-            Between::All => hidden = true,
-            Between::Some => blockers.push(k),
-        }
-    });
-    if hidden {
-        Visibility::Hidden
-    } else if blockers.is_empty() {
-        Visibility::Clear
-    } else {
-        // The order of the hierarchy is of no meaning.
-        blockers.sort_unstable();
-        Visibility::Partial(blockers)
     }
+
+    /// Sorts a pair by what lies between.
+    pub fn classify(&self, occluders: &Occluders, pair: &FacingPair) -> Visibility {
+        let mut search = Search::new(pair);
+        if self.screens.len() <= SHORT {
+            self.singles.iter().for_each(|&k| search.visit(k, &self.screens[k]));
+            self.bodies.iter().filter(|faces| !self.beside(faces, pair)).for_each(|faces| {
+                faces.iter().for_each(|&k| search.visit(k, &self.screens[k]));
+            });
+        } else {
+            occluders.overlapping(search.low, search.high, &mut |k| search.visit(k, &self.screens[k]));
+        }
+        search.result()
+    }
+
+    /// Whether both polygons are in front of one face of a body: then all of it is behind that face, and out of the way.
+    fn beside(&self, faces: &[usize], pair: &FacingPair) -> bool {
+        faces.iter().any(|&k| {
+            let screen = &self.screens[k];
+            let (p, slack) = (screen.vertices[0] - pair.origin, screen.slack(pair));
+            pair.i.iter().chain(&pair.j).all(|v| (*v - p).dot(screen.normal) >= -slack)
+        })
+    }
+}
+
+impl Screen {
+    fn new(polygon: &Polygon) -> Self {
+        let (low, high) = polygon.bounds();
+        let normal = polygon.normal();
+        let sides = polygon.edges().filter_map(|(a, b)| Some((a, side(a, b, normal)?))).collect();
+        let (vertices, thickness) = (polygon.vertices().to_vec(), polygon.thickness());
+        Self { rounding: rounding(&vertices), vertices, normal, thickness, low, high, sides }
+    }
+
+    /// Heights over the plane that rounding may make.
+    fn slack(&self, pair: &FacingPair) -> f64 {
+        2.0 * (pair.slack.max(self.rounding) + self.thickness)
+    }
+}
+
+/// The blockers of a pair found so far.
+struct Search<'a> {
+    pair: &'a FacingPair,
+    /// The box around the pair, in scene coordinates.
+    low: DVec3,
+    high: DVec3,
+    hidden: bool,
+    blockers: Vec<usize>,
+    /// Points whose convex hull holds every crossing of a plane by a segment between the polygons.
+    crossings: Vec<DVec3>,
 }
 
 /// How much of a pair one polygon blocks.
@@ -102,48 +164,104 @@ enum Between {
     Some,
 }
 
-/// Heights over the plane of a polygon that rounding may make.
-fn slack(polygon: &Polygon, pair: &FacingPair) -> f64 {
-    2.0 * (pair.slack.max(rounding(polygon.vertices())) + polygon.thickness())
-}
+impl<'a> Search<'a> {
+    fn new(pair: &'a FacingPair) -> Self {
+        let corners = pair.i.iter().chain(&pair.j);
+        let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) = (pair.origin + low - DVec3::splat(pair.slack), pair.origin + high + DVec3::splat(pair.slack));
+        Self { pair, low, high, hidden: false, blockers: Vec::new(), crossings: Vec::new() }
+    }
 
-fn between(polygon: &Polygon, pair: &FacingPair) -> Between {
-    let local = |v: &DVec3| *v - pair.origin;
-    // Behind one of the two planes: nothing that the two see of each other passes there.
-    let behind = |p: DVec3, n: DVec3| polygon.vertices().iter().all(|v| (local(v) - p).dot(n) <= pair.slack);
-    if behind(pair.i[0], pair.n_i) || behind(pair.j[0], pair.n_j) {
-        return Between::Nothing;
+    fn visit(&mut self, k: usize, screen: &Screen) {
+        let near = screen.low.cmple(self.high).all() && screen.high.cmpge(self.low).all();
+        if self.hidden || !near {
+            return;
+        }
+        match self.between(screen) {
+            Between::Nothing => {}
+            Between::All => self.hidden = true,
+            Between::Some => self.blockers.push(k),
+        }
     }
-    let (p, n) = (local(&polygon.vertices()[0]), polygon.normal());
-    let slack = slack(polygon, pair);
-    let heights = |v: &[DVec3]| -> Side { Side::of(v.iter().map(|v| (*v - p).dot(n)), slack) };
-    let (side_i, side_j) = (heights(&pair.i), heights(&pair.j));
-    if !((side_i.above && side_j.below) || (side_i.below && side_j.above)) {
-        return Between::Nothing;
+
+    fn result(mut self) -> Visibility {
+        if self.hidden {
+            Visibility::Hidden
+        } else if self.blockers.is_empty() {
+            Visibility::Clear
+        } else {
+            // The order of the hierarchy is of no meaning.
+            self.blockers.sort_unstable();
+            Visibility::Partial(self.blockers)
+        }
     }
-    let crossings = Crossings { p, n, slack, pair };
-    let straddles = (side_i.above && side_i.below) || (side_j.above && side_j.below);
-    let mut inside = !straddles;
-    for (a, b) in polygon.edges() {
-        let Some((m, at)) = side(a - pair.origin, b - pair.origin, n) else { continue };
-        let (mut all_outside, mut all_inside) = (true, true);
-        crossings.visit(straddles, &mut |crossing| {
-            let depth = crossing.dot(m) - at;
-            all_outside &= depth <= slack;
-            all_inside &= depth >= -slack;
-        });
-        if all_outside {
+
+    fn between(&mut self, screen: &Screen) -> Between {
+        let pair = self.pair;
+        let (p, n) = (screen.vertices[0] - pair.origin, screen.normal);
+        let slack = screen.slack(pair);
+        let side = |v: &[DVec3]| Side::of(v.iter().map(|v| (*v - p).dot(n)), slack);
+        let (i, j) = (side(&pair.i), side(&pair.j));
+        if !((i.above && j.below) || (i.below && j.above)) {
             return Between::Nothing;
         }
-        inside &= all_inside;
+        // Behind one of the two planes: nothing that the two see of each other passes there.
+        let behind = |p: DVec3, n: DVec3| screen.vertices.iter().all(|v| (*v - pair.origin - p).dot(n) <= pair.slack);
+        if behind(pair.i[0], pair.n_i) || behind(pair.j[0], pair.n_j) {
+            return Between::Nothing;
+        }
+        let straddles = (i.above && i.below) || (j.above && j.below);
+        self.cross(p, n, slack, straddles);
+        let mut inside = !straddles;
+        for (a, m) in &screen.sides {
+            let a = *a - pair.origin;
+            let (low, high) = self.crossings.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                let depth = (*x - a).dot(*m);
+                (low.min(depth), high.max(depth))
+            });
+            if high <= slack {
+                return Between::Nothing;
+            }
+            inside &= low >= -slack;
+        }
+        if inside { Between::All } else { Between::Some }
     }
-    if inside { Between::All } else { Between::Some }
+
+    /// Collects the crossings of the plane through `p` with normal `n`.
+    fn cross(&mut self, p: DVec3, n: DVec3, slack: f64, straddles: bool) {
+        self.crossings.clear();
+        let height = |v: DVec3| {
+            let h = (v - p).dot(n);
+            if h.abs() <= slack { 0.0 } else { h }
+        };
+        let meet = |a: DVec3, d_a: f64, b: DVec3, d_b: f64| a + (b - a) * (d_a / (d_a - d_b));
+        for &a in &self.pair.i {
+            let d_a = height(a);
+            for &b in &self.pair.j {
+                let d_b = height(b);
+                // Corners in the plane are crossings themselves; two of them carry no weight.
+                if d_a * d_b < 0.0 || ((d_a == 0.0) != (d_b == 0.0)) {
+                    self.crossings.push(meet(a, d_a, b, d_b));
+                }
+            }
+        }
+        if straddles {
+            for corners in [&self.pair.i, &self.pair.j] {
+                for k in 0..corners.len() {
+                    let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+                    let (d_a, d_b) = (height(a), height(b));
+                    if d_a * d_b < 0.0 {
+                        self.crossings.push(meet(a, d_a, b, d_b));
+                    }
+                }
+            }
+        }
+    }
 }
 
-/// Unit normal m into a polygon, in its plane, on the edge a b, and m·x on the edge.
-fn side(a: DVec3, b: DVec3, n: DVec3) -> Option<(DVec3, f64)> {
-    let m = n.cross(b - a).try_normalize()?;
-    Some((m, m.dot(a)))
+/// Unit normal into a polygon with normal `n`, in its plane, on the edge a b.
+fn side(a: DVec3, b: DVec3, n: DVec3) -> Option<DVec3> {
+    n.cross(b - a).try_normalize()
 }
 
 /// On which sides of a plane points lie.
@@ -160,45 +278,6 @@ impl Side {
     }
 }
 
-/// The points whose convex hull holds every crossing of a plane by a segment between the polygons.
-struct Crossings<'a> {
-    p: DVec3,
-    n: DVec3,
-    slack: f64,
-    pair: &'a FacingPair,
-}
-
-impl Crossings<'_> {
-    fn visit(&self, straddles: bool, visit: &mut dyn FnMut(DVec3)) {
-        let height = |v: DVec3| {
-            let h = (v - self.p).dot(self.n);
-            if h.abs() <= self.slack { 0.0 } else { h }
-        };
-        let meet = |a: DVec3, d_a: f64, b: DVec3, d_b: f64| a + (b - a) * (d_a / (d_a - d_b));
-        for &a in &self.pair.i {
-            let d_a = height(a);
-            for &b in &self.pair.j {
-                let d_b = height(b);
-                // Corners in the plane are crossings themselves; two of them carry no weight.
-                if d_a * d_b < 0.0 || ((d_a == 0.0) != (d_b == 0.0)) {
-                    visit(meet(a, d_a, b, d_b));
-                }
-            }
-        }
-        if straddles {
-            for corners in [&self.pair.i, &self.pair.j] {
-                for k in 0..corners.len() {
-                    let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-                    let (d_a, d_b) = (height(a), height(b));
-                    if d_a * d_b < 0.0 {
-                        visit(meet(a, d_a, b, d_b));
-                    }
-                }
-            }
-        }
-    }
-}
-
 /// A polygon that may block, in the coordinates of a pair.
 #[derive(Clone, Debug)]
 pub(super) struct Blocker {
@@ -212,7 +291,8 @@ pub(super) struct Blocker {
 impl Blocker {
     fn new(polygon: &Polygon, origin: DVec3, slack: f64) -> Self {
         let n = polygon.normal();
-        let sides = polygon.edges().filter_map(|(a, b)| side(a - origin, b - origin, n)).collect();
+        let side = |(a, b)| side(a, b, n).map(|m| (m, m.dot(a - origin)));
+        let sides = polygon.edges().filter_map(side).collect();
         Self { p: polygon.vertices()[0] - origin, n, slack, sides }
     }
 

@@ -80,6 +80,11 @@ impl Bodies {
         self.of[polygon]
     }
 
+    /// All bodies.
+    pub fn iter(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.iter()
+    }
+
     /// Body number `k`.
     pub fn body(&self, k: usize) -> &Body {
         &self.bodies[k]

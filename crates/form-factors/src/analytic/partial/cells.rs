@@ -22,8 +22,11 @@ const CONVERGING: f64 = 0.1;
 /// By so much the error may fall from one order to the next: a smaller difference is taken for a coincidence.
 const COINCIDENCE: [f64; 5] = [1.0, 1.0, 1e-2, 1e-3, 1e-3];
 
-/// Points of one pair, beyond which the bound says what is open.
-const MAX_POINTS: u64 = 1 << 18;
+/// Work on one pair, in points, beyond which the bound says what is open.
+const MAX_WORK: u64 = 1 << 17;
+
+/// Points that a shadow costs where the receiver is cut by one after another.
+const CUTTING: u64 = 8;
 
 /// Integrals of the hidden and of the visible form factor over cells, or estimates of their errors.
 #[derive(Clone, Copy, Debug, Default)]
@@ -117,6 +120,8 @@ pub(super) struct Integration<'a> {
     pub cells: Vec<Cell>,
     /// Points evaluated.
     pub points: u64,
+    /// What they cost.
+    pub work: u64,
     pub batch: Batch,
 }
 
@@ -127,7 +132,7 @@ impl Integration<'_> {
         self.raise(&all, FIRST);
         loop {
             let error: Parts = self.cells.iter().map(|cell| cell.error).sum();
-            if error.hidden.min(error.visible) <= absolute || self.points >= MAX_POINTS {
+            if error.hidden.min(error.visible) <= absolute || self.work >= MAX_WORK {
                 return (self.cells.iter().map(|cell| cell.value).sum(), error);
             }
             self.refine(error.hidden <= error.visible, absolute);
@@ -176,7 +181,11 @@ impl Integration<'_> {
             let alike = |&&k: &&usize| group(&self.cells, k) == group(&self.cells, first);
             let (cells, others) = rest.split_at(rest.iter().take_while(alike).count());
             rest = others;
-            self.points += batch.compute(self, cells, count);
+            let points = batch.compute(self, cells, count);
+            let region = &self.regions[self.cells[first].region];
+            let crowded = if self.cells[first].sight == Sight::Partial { region.crowded() } else { 0 };
+            self.points += points;
+            self.work += points * (1 + CUTTING * crowded);
             for (&k, values) in cells.iter().zip(batch.values.chunks(count)) {
                 values.iter().for_each(|value| self.cells[k].improve(*value));
             }

@@ -14,9 +14,6 @@ use super::shade::{Plane, View};
 /// Overlapping shadows are joined by inclusion and exclusion up to so many terms.
 const MAX_TERMS: usize = 31;
 
-/// Parts into which events cut a carrier at most; what is left uncut is left to the adaptive rule.
-const MAX_PARTS: usize = 1024;
-
 /// Share of the least width of a part within which corners are moved to a line.
 const NEEDLE: f64 = 1e-3;
 
@@ -29,20 +26,21 @@ struct Cut {
     slack: f64,
 }
 
-/// How the cones of two loops lie to each other from a part of the carrier.
-enum Relation {
-    /// Nothing is in both.
-    Apart,
-    /// Edges of the first that cut the second; none if the second is inside.
-    Cuts(Vec<Cut>),
+/// How the edges of a loop lie to the cone of another with which it has something in common, from a part of the carrier.
+#[derive(Clone, Debug, Default)]
+struct Overlap {
+    /// Edges that cut the other; none if the other is inside.
+    cuts: Vec<Cut>,
+    /// Edges on which, seen from everywhere, an edge of the other lies, on the same side of both loops.
+    flush: Vec<usize>,
 }
 
 /// What the carrier sees from a part of it that no plane of a blocker crosses.
 pub(super) struct Region {
     /// The receiver, then the loops of the shadows.
     loops: Vec<Vec<DVec3>>,
-    /// cuts[a][b]: edges of loop a that cut loop b; `None` if the two have nothing in common.
-    cuts: Vec<Vec<Option<Vec<Cut>>>>,
+    /// overlaps[a][b]: how the edges of loop a lie to loop b; `None` if the two have nothing in common.
+    overlaps: Vec<Vec<Option<Overlap>>>,
     /// Whether one shadow covers the receiver.
     covered: bool,
     /// Sums to the hidden form factor.
@@ -76,28 +74,36 @@ fn at(h: &[f64; 3], x: DVec2) -> f64 {
     h[0] + h[1] * x.x + h[2] * x.y
 }
 
-fn relation(a: &[DVec3], b: &[DVec3], part: &[DVec2], slack: f64) -> Relation {
-    let mut cuts = Vec::new();
+/// How the edges of loop a lie to loop b; `None` if one of them has all of b outside.
+fn overlap(a: &[DVec3], b: &[DVec3], part: &[DVec2], slack: f64) -> Option<Overlap> {
+    let mut found = Overlap::default();
     for edge in 0..a.len() {
         let (p, q) = (a[edge], next(a, edge));
         let slack = 8.0 * slack * p.distance(q);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        // Whether the last corner lies on the edge's plane, and whether two in a row do.
+        let on = |range: (f64, f64)| range.0 >= -slack && range.1 <= slack;
+        let range = |b: DVec3| {
+            let h = height(p, q, b);
+            part.iter().map(|x| at(&h, *x)).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), h| (l.min(h), u.max(h)))
+        };
+        let (mut before, mut flush) = (on(range(b[b.len() - 1])), false);
         for b in b {
-            let h = height(p, q, *b);
-            for x in part {
-                let h = at(&h, *x);
-                (low, high) = (low.min(h), high.max(h));
-            }
+            let range = range(*b);
+            (low, high) = (low.min(range.0), high.max(range.1));
+            flush |= before && on(range);
+            before = on(range);
         }
         if high <= slack {
-            return Relation::Apart;
+            return None;
         }
         if low < -slack {
-            let heights = b.iter().map(|b| height(p, q, *b)).collect();
-            cuts.push(Cut { edge, heights, slack });
+            found.cuts.push(Cut { edge, heights: b.iter().map(|b| height(p, q, *b)).collect(), slack });
+        } else if flush {
+            found.flush.push(edge);
         }
     }
-    Relation::Cuts(cuts)
+    Some(found)
 }
 
 impl Region {
@@ -105,7 +111,7 @@ impl Region {
     pub fn new(view: &View, part: &[DVec2]) -> Self {
         let mut region = Self {
             loops: vec![view.receiver.clone()],
-            cuts: vec![vec![None]],
+            overlaps: vec![vec![None]],
             covered: false,
             hidden: Arcs::default(),
             crowds: Vec::new(),
@@ -124,8 +130,8 @@ impl Region {
     fn insert(&mut self, shade: Vec<DVec3>, part: &[DVec2], slack: f64) {
         let (mut over, mut under, mut inner) = (Vec::new(), Vec::new(), Vec::new());
         for (k, other) in self.loops.iter().enumerate() {
-            let relations = (relation(&shade, other, part, slack), relation(other, &shade, part, slack));
-            let (Relation::Cuts(mine), Relation::Cuts(its)) = relations else {
+            let overlaps = (overlap(&shade, other, part, slack), overlap(other, &shade, part, slack));
+            let (Some(mine), Some(its)) = overlaps else {
                 if k == 0 {
                     return;
                 }
@@ -133,7 +139,7 @@ impl Region {
                 under.push(None);
                 continue;
             };
-            match (k, mine.is_empty(), its.is_empty()) {
+            match (k, mine.cuts.is_empty(), its.cuts.is_empty()) {
                 (0, true, _) => {
                     self.covered = true;
                     return;
@@ -147,15 +153,15 @@ impl Region {
             under.push(Some(its));
         }
         over.push(None);
-        for (row, under) in self.cuts.iter_mut().zip(under) {
+        for (row, under) in self.overlaps.iter_mut().zip(under) {
             row.push(under);
         }
-        self.cuts.push(over);
+        self.overlaps.push(over);
         self.loops.push(shade);
         for &k in inner.iter().rev() {
             self.loops.remove(k);
-            self.cuts.remove(k);
-            self.cuts.iter_mut().for_each(|row| {
+            self.overlaps.remove(k);
+            self.overlaps.iter_mut().for_each(|row| {
                 row.remove(k);
             });
         }
@@ -170,9 +176,9 @@ impl Region {
             }
             let (mut group, mut k) = (vec![first], 0);
             while k < group.len() {
-                for other in 1..self.loops.len() {
-                    if !grouped[other] && self.cuts[group[k]][other].is_some() {
-                        grouped[other] = true;
+                for (other, grouped) in grouped.iter_mut().enumerate().skip(1) {
+                    if !*grouped && self.overlaps[group[k]][other].is_some() {
+                        *grouped = true;
                         group.push(other);
                     }
                 }
@@ -190,7 +196,7 @@ impl Region {
         let mut sets: Vec<Vec<usize>> = Vec::new();
         for &k in group {
             for known in 0..sets.len() {
-                if sets[known][1..].iter().all(|&other| self.cuts[other][k].is_some()) {
+                if sets[known][1..].iter().all(|&other| self.overlaps[other][k].is_some()) {
                     let mut set = sets[known].clone();
                     set.push(k);
                     sets.push(set);
@@ -206,42 +212,53 @@ impl Region {
 
     /// Adds the arcs around what a set of loops, the receiver among them, have in common.
     fn intersect(&mut self, set: &[usize]) {
-        let weight = if set.len() % 2 == 0 { 1.0 } else { -1.0 };
+        let weight = if set.len().is_multiple_of(2) { 1.0 } else { -1.0 };
         for &a in set {
             let others = || set.iter().copied().filter(move |&b| b != a);
             for edge in 0..self.loops[a].len() {
-                // An edge that does not cut another loop runs outside of it.
-                let cuts = |b: usize| self.cuts[a][b].iter().flatten().any(|cut| cut.edge == edge);
-                if !others().all(cuts) {
+                // An edge that does not cut another loop runs outside of it, or on its border: there the first of the two counts.
+                let bounds = |b: usize| {
+                    let overlap = self.overlaps[a][b].as_ref();
+                    overlap.is_some_and(|o| {
+                        o.cuts.iter().any(|cut| cut.edge == edge) || (a < b && o.flush.contains(&edge))
+                    })
+                };
+                if !others().all(bounds) {
                     continue;
                 }
                 let end = if edge + 1 == self.loops[a].len() { 0 } else { edge + 1 };
-                let clips = others().flat_map(|b| self.cuts[b][a].iter().flatten());
+                let clips = others().flat_map(|b| cuts(&self.overlaps[b][a]));
                 let clips = clips.map(|cut| -> Clip { [cut.heights[edge], cut.heights[end]] });
                 self.hidden.push(self.loops[a][edge], self.loops[a][end], weight, clips);
             }
         }
     }
 
-    /// The part cut along the events in it; events that only come within `snap` of a border are left out.
-    pub fn split(&self, part: Vec<DVec2>, snap: f64) -> Vec<Vec<DVec2>> {
+    /// The part cut along the events in it; events that only come within `snap` of a border are left out, and those after `most` parts
+    /// are left to the adaptive rule.
+    pub fn split(&self, part: Vec<DVec2>, snap: f64, most: usize) -> Vec<Vec<DVec2>> {
         let mut parts = vec![part];
         if self.covered {
             return parts;
         }
-        for (a, row) in self.cuts.iter().enumerate() {
-            for (b, cuts) in row.iter().enumerate() {
-                for cut in cuts.iter().flatten() {
+        for (a, row) in self.overlaps.iter().enumerate() {
+            for (b, overlap) in row.iter().enumerate() {
+                for cut in cuts(overlap) {
                     let (p, q) = (self.loops[a][cut.edge], next(&self.loops[a], cut.edge));
                     for (v, h) in self.loops[b].iter().zip(&cut.heights) {
                         if let Some(event) = Event::new(p, q, *v, h) {
-                            event.split(&mut parts, snap);
+                            event.split(&mut parts, snap, most);
                         }
                     }
                 }
             }
         }
         parts
+    }
+
+    /// Shadows that the receiver is cut by one after another.
+    pub fn crowded(&self) -> u64 {
+        self.crowds.iter().map(Vec::len).sum::<usize>() as u64
     }
 
     /// What is seen from a convex cell of the carrier.
@@ -251,7 +268,7 @@ impl Region {
         }
         let mut sight = Sight::Clear;
         for a in 1..self.loops.len() {
-            let (over, under) = (&self.cuts[a][0], &self.cuts[0][a]);
+            let (over, under) = (&self.overlaps[a][0], &self.overlaps[0][a]);
             let heights = |cut: &Cut| {
                 cell.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |range, x| {
                     let h = cut.heights.iter().map(|h| at(h, *x));
@@ -259,7 +276,7 @@ impl Region {
                 })
             };
             let (mut apart, mut covers) = (false, true);
-            for cut in over.iter().flatten() {
+            for cut in cuts(over) {
                 let (low, high) = heights(cut);
                 apart |= high <= cut.slack;
                 covers &= low >= -cut.slack;
@@ -267,12 +284,16 @@ impl Region {
             if covers {
                 return Sight::Hidden;
             }
-            if !(apart || under.iter().flatten().any(|cut| heights(cut).1 <= cut.slack)) {
+            if !(apart || cuts(under).any(|cut| heights(cut).1 <= cut.slack)) {
                 sight = Sight::Partial;
             }
         }
         sight
     }
+}
+
+fn cuts(overlap: &Option<Overlap>) -> impl Iterator<Item = &Cut> {
+    overlap.iter().flat_map(|overlap| &overlap.cuts)
 }
 
 /// A segment or a line on the carrier: c + s·x + t·y = 0.
@@ -297,17 +318,16 @@ impl Event {
         Some(Self { line, ends })
     }
 
-    /// Cuts the parts that it crosses.
-    fn split(&self, parts: &mut Vec<Vec<DVec2>>, snap: f64) {
+    /// Cuts the parts that it crosses, while they are fewer than `most`.
+    fn split(&self, parts: &mut Vec<Vec<DVec2>>, snap: f64, most: usize) {
         for k in 0..parts.len() {
-            if parts.len() >= MAX_PARTS {
+            if parts.len() >= most {
                 return;
             }
-            if let Some((front, back)) = split(&parts[k], &self.line, snap) {
-                if self.ends.is_none_or(|ends| crosses(&parts[k], ends, snap)) {
-                    parts[k] = front;
-                    parts.push(back);
-                }
+            let cut = split(&parts[k], &self.line, snap);
+            if let Some((front, back)) = cut.filter(|_| self.ends.is_none_or(|ends| crosses(&parts[k], ends, snap))) {
+                parts[k] = front;
+                parts.push(back);
             }
         }
     }
@@ -370,7 +390,7 @@ pub(super) fn cut_at_planes(view: &View, snap: f64) -> Vec<Vec<DVec2>> {
         // A plane along the carrier's own leaves no line on it.
         if slope > view.slack {
             let line = [-at / slope, n.x / slope, n.y / slope];
-            Event { line, ends: None }.split(&mut parts, snap);
+            Event { line, ends: None }.split(&mut parts, snap, usize::MAX);
         }
     }
     parts

@@ -41,6 +41,9 @@ use shade::View;
 /// Events that come this near to the border of a part are left out, in units of the size of the carrier, at the tightest.
 const SNAP: f64 = 1e-7;
 
+/// Parts into which events cut a carrier at most.
+const MAX_PARTS: usize = 512;
+
 /// What blocks a pair, and how well it is to be known.
 pub(super) struct Blocked<'a> {
     pub occluders: &'a Occluders,
@@ -75,7 +78,7 @@ impl Blocked<'_> {
         let (mut regions, mut cells) = (Vec::new(), Vec::new());
         for part in cut_at_planes(&view, snap) {
             let region = Region::new(&view, &part);
-            for cell in region.split(part, snap) {
+            for cell in region.split(part, snap, MAX_PARTS.saturating_sub(cells.len())) {
                 let sight = region.sight(&cell);
                 cells.extend(Cell::fan(&cell, regions.len(), sight));
             }
@@ -93,6 +96,7 @@ impl Blocked<'_> {
             whole: &whole_arcs,
             cells,
             points: 0,
+            work: 0,
             batch: Batch::default(),
         };
         let (value, error) = integration.run(wanted);

@@ -94,11 +94,13 @@ impl View {
             .map(|&k| rounding(occluders.polygons()[k].vertices()) + 2.0 * occluders.polygons()[k].thickness())
             .fold(pair.slack, f64::max)
             / frame.unit;
+        let carrier: Vec<DVec2> = carrier.iter().map(|v| frame.local(*v).truncate()).collect();
+        let place = |v: DVec3| frame.local(v - pair.origin);
+        let plane = |polygon: &Polygon| Plane::through(place(polygon.vertices()[0]), frame.turn(polygon.normal()));
         let face = |polygon: &Polygon| {
-            let local: Vec<DVec3> = polygon.vertices().iter().map(|v| frame.local(*v - pair.origin)).collect();
-            let plane = Plane::through(local[0], frame.turn(polygon.normal()));
-            let corners = cut(&cut(&local, Plane { n: DVec3::Z, at: 0.0 }, slack), front, slack);
-            Face { corners, plane }
+            let local = polygon.vertices().iter().map(|v| place(*v)).collect();
+            let corners = cut(cut(local, Plane { n: DVec3::Z, at: 0.0 }, slack), front, slack);
+            Face { corners, plane: plane(polygon) }
         };
         let (mut units, mut done) = (Vec::with_capacity(blockers.len()), Vec::new());
         for &k in blockers {
@@ -107,14 +109,19 @@ impl View {
                 Some(b) => {
                     done.push(b);
                     let body = bodies.body(b);
-                    let faces = body.faces.iter().map(|&k| face(&occluders.polygons()[k])).collect();
-                    let hole = |(p, n): &(DVec3, DVec3)| Plane::through(frame.local(*p - pair.origin), frame.turn(*n));
-                    units.push(Unit::Body { faces, holes: body.holes.iter().map(hole).collect() });
+                    let polygons = || body.faces.iter().map(|&k| &occluders.polygons()[k]);
+                    let all = |plane: Plane, side: &dyn Fn(f64) -> bool| carrier.iter().all(|p| side(plane.height(*p)));
+                    let holes: Vec<Plane> =
+                        body.holes.iter().map(|(p, n)| Plane::through(place(*p), frame.turn(*n))).collect();
+                    // From outside, and on the inner side of the holes, the back faces add nothing.
+                    let outside = holes.iter().all(|hole| all(*hole, &|h| h <= slack))
+                        && polygons().any(|p| all(plane(p), &|h| h >= -slack));
+                    let seen = polygons().filter(|p| !(outside && all(plane(p), &|h| h <= slack)));
+                    units.push(Unit::Body { faces: seen.map(face).collect(), holes });
                 }
                 None => units.push(Unit::Single(face(&occluders.polygons()[k]))),
             }
         }
-        let carrier = carrier.iter().map(|v| frame.local(*v).truncate()).collect();
         Self { frame, carrier, receiver, slack, units }
     }
 
@@ -195,11 +202,14 @@ fn outline(faces: &[&Face]) -> Option<Vec<DVec3>> {
 }
 
 /// The part of a loop in front of a plane; corners within `slack` of it count as on it. The new corners of an edge are the same from both sides.
-fn cut(corners: &[DVec3], plane: Plane, slack: f64) -> Vec<DVec3> {
+fn cut(corners: Vec<DVec3>, plane: Plane, slack: f64) -> Vec<DVec3> {
     let height = |v: DVec3| {
         let h = v.dot(plane.n) - plane.at;
         if h.abs() <= slack { 0.0 } else { h }
     };
+    if corners.iter().all(|v| height(*v) >= 0.0) && corners.iter().any(|v| height(*v) > 0.0) {
+        return corners;
+    }
     let mut kept = Vec::with_capacity(corners.len() + 2);
     if corners.iter().all(|v| height(*v) <= 0.0) {
         return kept;

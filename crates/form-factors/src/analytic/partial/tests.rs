@@ -1,5 +1,5 @@
 use super::super::unoccluded;
-use super::super::visibility::{Visibility, classify};
+use super::super::visibility::{Screens, Visibility};
 use super::*;
 use radiosity_geometry::Polygon;
 
@@ -30,11 +30,12 @@ fn points_on_either_polygon_give_the_same() {
     let elements: Vec<Polygon> = cube(0.0, 1.0, 4, true).into_iter().chain(cube(0.3, 0.7, 2, false)).collect();
     let occluders = Occluders::new(cube(0.3, 0.7, 1, false), (0..6).collect());
     let bodies = Bodies::find(&occluders);
+    let screens = Screens::new(&occluders, &bodies);
     let mut pairs = 0;
     for (a, b) in (0..elements.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
         let (i, j) = (&elements[a], &elements[b]);
         let Some(pair) = FacingPair::new(i, j) else { continue };
-        let Visibility::Partial(blockers) = classify(&occluders, &pair) else { continue };
+        let Visibility::Partial(blockers) = screens.classify(&occluders, &pair) else { continue };
         let smaller = i.area().min(j.area());
         let whole = unoccluded::exchange_area(&pair, smaller, 1e-12);
         let absolute = smaller * 1e-8;
