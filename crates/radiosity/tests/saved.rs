@@ -54,10 +54,7 @@ fn difference(a: &radiosity::Run<'_>, b: &radiosity::Run<'_>) -> f64 {
 #[test]
 fn a_saved_matrix_gives_the_solution_of_the_run_it_came_from() {
     let scene = common::cornell_box();
-    for (method, solver, symmetric) in [
-        (Method::Analytic { tolerance: 1e-6, samples: 16 }, "cg", true),
-        (Method::RayCast { rays: 64 }, "jacobi", false),
-    ] {
+    for (method, solver, symmetric) in [(Method::sampled(1e-6, 16), "cg", true), (Method::rays(64), "jacobi", false)] {
         let strategy = Strategy { solver: solver.to_owned(), ..strategy(2, method) };
         let direct = run(&scene, &strategy, &mut ()).unwrap();
         let geometry = geometry(&scene, &strategy);
@@ -88,7 +85,7 @@ fn bounds_decide_whether_two_directions_are_one_pair() {
 #[test]
 fn what_belongs_to_another_mesh_is_refused_with_both_numbers() {
     let scene = common::cornell_box();
-    let strategy = strategy(1, Method::RayCast { rays: 16 });
+    let strategy = strategy(1, Method::rays(16));
     let geometry = geometry(&scene, &strategy);
     let good = saved(&geometry, strategy.method);
     let n = good.rows;
@@ -136,7 +133,7 @@ fn an_entry_below_0_is_refused_by_its_place() {
 #[test]
 fn a_repaired_furnace_is_exact_whatever_the_estimator() {
     let scene = furnace();
-    for method in [Method::ANALYTIC, Method::RayCast { rays: 64 }, Method::Hemicube { resolution: 32 }] {
+    for method in [Method::ANALYTIC, Method::rays(64), Method::Hemicube { resolution: 32 }] {
         for store in [Store::Dense, Store::Sparse, Store::Packed, Store::PackedSingle] {
             let strategy = Strategy { repair: true, solver: "cg".to_owned(), store, ..strategy(2, method) };
             let made = match run(&scene, &strategy, &mut ()) {
@@ -179,7 +176,7 @@ fn every_run_with_a_store_is_checked() {
     assert!(closed.closed && closed.blocked.is_none());
     assert!(closed.checks.closure.unwrap().1.abs() < 1e-9 && closed.checks.worst_rows.len() == 5);
     let scene = common::cornell_box();
-    let open = run(&scene, &strategy(1, Method::Analytic { tolerance: 1e-6, samples: 64 }), &mut ()).unwrap();
+    let open = run(&scene, &strategy(1, Method::sampled(1e-6, 64)), &mut ()).unwrap();
     let open = open.checked.unwrap();
     let blocked = open.blocked.unwrap();
     assert!(!open.closed && blocked.compared > 100 && blocked.reduced > 0, "{blocked:?}");
