@@ -16,18 +16,26 @@ use radiosity_geometry::{Facets, Occluders};
 /// Error of unoccluded pairs: below that of the partial ones.
 const UNOCCLUDED: f64 = 1e-8;
 
+/// K × K cells a face of the room and half of that on the box.
 fn scene(k: u32) -> (Facets, Occluders) {
     let grey = || material("grey", 0.5, 1.0);
     let scene = box_in_cube(0.4, grey(), grey());
-    let settings = MeshSettings { elements: Subdivision::Uniform(k), patches: None, contacts: true };
-    let mesh = Mesh::new(&scene, &Occluders::of_scene(&scene), &settings).expect("k is positive");
-    (mesh.element_facets, Occluders::blocking(&scene))
+    let cells = |k: u32| {
+        let settings = MeshSettings { elements: Subdivision::Uniform(k), patches: None, contacts: true };
+        Mesh::new(&scene, &Occluders::of_scene(&scene), &settings).expect("k is positive").element_facets
+    };
+    // The room's six faces come first.
+    let (fine, coarse) = (cells(k), cells(k / 2));
+    let mut facets = Facets::new();
+    (0..fine.len() / 2).for_each(|t| facets.push(fine.polygons(t).to_vec(), false));
+    (coarse.len() / 2..coarse.len()).for_each(|t| facets.push(coarse.polygons(t).to_vec(), false));
+    (facets, Occluders::blocking(&scene))
 }
 
 fn partial(c: &mut Criterion) {
     let mut group = c.benchmark_group("partial");
     group.sample_size(10);
-    for k in [4, 8] {
+    for k in [8, 16] {
         let (facets, blockers) = scene(k);
         let rules = [
             ("1e-4", PartialVisibility::Exact { tolerance: 1e-4 }),
