@@ -127,8 +127,6 @@ pub struct Solution {
     pub bound: Option<f64>,
 }
 
-/// Passes without a new smallest η after which a run counts as stagnated.
-const PATIENCE: f64 = 20.0;
 /// Growth of η over its first value at which a run counts as not contracting, however short; slower growth counts if
 /// η rises from pass to pass until patience ends, which rounding never makes it do.
 const GROWTH: f64 = 1e6;
@@ -192,7 +190,7 @@ pub fn solve_from(
         if unshot.is_some_and(|eta| eta <= stop.unshot) {
             break Outcome::Converged;
         }
-        if let Some(outcome) = unshot.and_then(|eta| watch.judge(eta, steps)) {
+        if let Some(outcome) = unshot.and_then(|eta| watch.judge(eta, steps, solver.patience())) {
             break outcome;
         }
         if steps >= stop.steps {
@@ -268,7 +266,7 @@ impl Watch {
         self.idle_claims >= 3
     }
 
-    fn judge(&mut self, eta: f64, step: u64) -> Option<Outcome> {
+    fn judge(&mut self, eta: f64, step: u64, patience: f64) -> Option<Outcome> {
         let first = *self.first.get_or_insert(eta);
         if eta < self.best {
             (self.best, self.best_step) = (eta, step);
@@ -280,8 +278,8 @@ impl Watch {
         if !eta.is_finite() || eta > GROWTH * first {
             return Some(Outcome::NotContracting);
         }
-        let patient = (step - self.best_step) as f64 * self.passes_per_step <= PATIENCE;
-        let rising = f64::from(self.rises) >= PATIENCE - 1.0;
+        let patient = (step - self.best_step) as f64 * self.passes_per_step <= patience;
+        let rising = f64::from(self.rises) >= patience - 1.0;
         (!patient).then_some(if rising { Outcome::NotContracting } else { Outcome::Stagnated })
     }
 }

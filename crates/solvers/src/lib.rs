@@ -5,38 +5,50 @@
 //! | `direct` | [`Direct`] | every row once, then one product a step | full | no (Cholesky or LU) |
 //! | `jacobi` | [`Jacobi`] | one product a step | all | no |
 //! | `gauss-seidel` | [`GaussSeidel`] | one sweep a step | full, elements → patches | no |
+//! | `sor` | [`OverRelaxation`] | one sweep a step | full, elements → patches | no |
+//! | `chebyshev` | [`Chebyshev`] | one product a step | full | yes |
 //! | `cg` | [`ConjugateGradient`] | one product a step | full | yes |
+//! | `deflated-cg` | [`ConjugateGradient::deflated`] | one product a step | full | yes |
+//! | `gmres` | [`Gmres`] | one product a step | all | no |
 //! | `shooting` | [`Shooting`] | one row a step | full, patches → elements | no |
+//! | `overshooting` | [`Shooting::overshooting`] | one row a step | full, patches → elements | no |
 //!
 //! All bands are solved at once. Stopping, timing and verification are [`radiosity_core::solve`]'s. [`ambient`] is for
 //! display. What is *not* here: geometry, and how form factors are had or kept.
 
 pub mod ambient;
+mod chebyshev;
 mod conjugate_gradient;
 mod direct;
 mod gauss_seidel;
+mod gmres;
 mod jacobi;
+mod over_relaxation;
 mod shooting;
 
 use radiosity_core::{Direction, SolveError, Solver};
 
+pub use chebyshev::Chebyshev;
 pub use conjugate_gradient::ConjugateGradient;
 pub use direct::{Direct, Factorisation};
 pub use gauss_seidel::GaussSeidel;
+pub use gmres::Gmres;
 pub use jacobi::Jacobi;
+pub use over_relaxation::OverRelaxation;
 pub use shooting::Shooting;
 
 /// Names that [`by_name`] knows, in the order of [`all`].
-pub const NAMES: [&str; 5] = ["direct", "jacobi", "gauss-seidel", "cg", "shooting"];
+pub const NAMES: [&str; 10] =
+    ["direct", "jacobi", "gauss-seidel", "sor", "chebyshev", "cg", "deflated-cg", "gmres", "shooting", "overshooting"];
 
 /// One of each method, in the direction it is made for.
 pub fn all() -> Vec<Box<dyn Solver>> {
     NAMES.into_iter().filter_map(by_name).collect()
 }
 
-/// The method called `name`, in the direction it is made for: shooting shoots, all others gather.
+/// The method called `name`, in the direction it is made for: shooting and overshooting shoot, all others gather.
 pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
-    let direction = if name == "shooting" { Direction::Shoot } else { Direction::Gather };
+    let direction = if name.ends_with("shooting") { Direction::Shoot } else { Direction::Gather };
     by_name_in(name, direction).ok().flatten()
 }
 
@@ -53,8 +65,13 @@ pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Sol
         "direct" => Box::new(Direct::new(Factorisation::Automatic, direction)),
         "jacobi" => Box::new(Jacobi::new(direction)),
         "gauss-seidel" => Box::new(GaussSeidel::default()),
+        "sor" => Box::new(OverRelaxation::default()),
+        "chebyshev" => Box::new(Chebyshev::default()),
+        "gmres" => Box::new(Gmres::new(direction)),
         "cg" => Box::new(ConjugateGradient::default()),
+        "deflated-cg" => Box::new(ConjugateGradient::deflated()),
         "shooting" => Box::new(Shooting::default()),
+        "overshooting" => Box::new(Shooting::overshooting()),
         _ => return Ok(None),
     };
     let needs = solver.needs();
