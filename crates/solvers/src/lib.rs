@@ -3,6 +3,7 @@
 //! | name | method | reads | forms | symmetric stores only |
 //! |---|---|---|---|---|
 //! | `direct` | [`Direct`] | every row once, then one product a step | full | no (Cholesky or LU) |
+//! | `direct-f32` | [`Direct::single`] | as `direct`, factors in single precision | full | no |
 //! | `jacobi` | [`Jacobi`] | one product a step | all | no |
 //! | `gauss-seidel` | [`GaussSeidel`] | one sweep a step | full, elements → patches | no |
 //! | `sor` | [`OverRelaxation`] | one sweep a step | full, elements → patches | no |
@@ -63,6 +64,7 @@ pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
 pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Solver>>, SolveError> {
     let solver: Box<dyn Solver> = match name {
         "direct" => Box::new(Direct::new(Factorisation::Automatic, direction)),
+        "direct-f32" => Box::new(Direct::new(Factorisation::Automatic, direction).single()),
         "jacobi" => Box::new(Jacobi::new(direction)),
         "gauss-seidel" => Box::new(GaussSeidel::default()),
         "sor" => Box::new(OverRelaxation::default()),
