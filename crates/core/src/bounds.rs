@@ -9,7 +9,7 @@
 //! since (I − Gᵀ)⁻¹ A ≤ A w. w_j says how much power in all comes of one unit that leaves j: its *importance*. T is the
 //! product of [`System::irradiance`] read the other way. w = 1/(1 − q), with q = max T1, is such a vector if q < 1 and gives the
 //! rigorous bound Σ A|r| q/(1 − q). Any v with v − Tv > 0 gives another, v / min(v − Tv), also where q ≥ 1; and w ← 1 + T w makes
-//! every such w smaller and keeps it one (L. Collatz 1952 for the inclusion; Oettli and Prager, Numer. Math. 6, 1964, for the
+//! every such w smaller and keeps it one. The bounds hold for the form factors that the store was given: what it rounded is added (L. Collatz 1952 for the inclusion; Oettli and Prager, Numer. Math. 6, 1964, for the
 //! backward error).
 
 use crate::{BandValues, Bands, Cost, Direction, StoreError, System};
@@ -45,21 +45,25 @@ impl Certificate {
         let q: Vec<f64> = (0..system.bands()).map(|b| reflected.band(b).iter().copied().fold(0.0, f64::max)).collect();
         let (w, spent) = importance(system, direction, ones, reflected)?;
         cost += spent;
-        // A sum of m products is off by at most m ε Σ|terms|.
+        // A sum of m products is off by at most m ε Σ|terms|; entries that were rounded move ρH by that much of itself.
         let unit = (system.elements() as f64 + 4.0) * f64::EPSILON;
+        let kept = 2.0 * system.store().properties().rounding;
         let (mut bound, mut sharp) = (Some(0.0), Some(0.0));
         let mut backward = 0.0_f64;
         for (b, &q) in q.iter().enumerate() {
             let emitted = system.power(system.emission().band(b));
             let (areas, x, r) = (system.areas(), x.band(b), r.band(b));
             let sum = |term: &dyn Fn(usize) -> f64| -> f64 { areas.iter().enumerate().map(|(e, a)| a * term(e)).sum() };
-            let plain = (q * sum(&|e| r[e].abs()) + unit * sum(&|e| x[e].abs())) / (1.0 - q);
+            let reflected = |e: usize| (x[e] + r[e] - system.emission().band(b)[e]).abs();
+            let q = q * (1.0 + kept);
+            let plain = (q * sum(&|e| r[e].abs()) + unit * sum(&|e| x[e].abs()) + kept * sum(&reflected)) / (1.0 - q);
             bound = worst(bound, plain, emitted, q < 1.0);
             match w.as_ref().map(|w| w.band(b)) {
                 // r itself is known to the rounding of its terms, B and x.
                 Some(w) => {
                     let power = |e: usize| {
-                        (w[e] - 1.0).max(0.0) * r[e].abs() + unit * w[e] * ((x[e] + r[e]).abs() + x[e].abs())
+                        let rounding = unit * ((x[e] + r[e]).abs() + x[e].abs()) + kept * reflected(e);
+                        (w[e] - 1.0).max(0.0) * r[e].abs() + w[e] * rounding
                     };
                     sharp = worst(sharp, sum(&power), emitted, true);
                 }
@@ -88,7 +92,8 @@ fn importance(
     reflected: BandValues,
 ) -> Result<(Option<BandValues>, Cost), StoreError> {
     // Rounding of a product, which must not make a bound of what is none.
-    let room = 1.0 + 4.0 * (system.elements() as f64 + 4.0) * f64::EPSILON;
+    let rounding = (system.elements() as f64 + 4.0) * f64::EPSILON + system.store().properties().rounding;
+    let room = 1.0 + 4.0 * rounding;
     let (mut v, mut image, mut cost) = (ones, reflected, Cost::default());
     let mut w = None;
     for pass in 0..=SEARCH {

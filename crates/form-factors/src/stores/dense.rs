@@ -196,7 +196,7 @@ impl FormFactors for DenseFormFactors {
 
     fn properties(&self) -> Properties {
         let held = self.values.ncols() as u64 * self.values.col_stride().unsigned_abs() as u64;
-        Properties { symmetric: self.symmetric, per_band: false, stored_bytes: 8 * held }
+        Properties { symmetric: self.symmetric, per_band: false, stored_bytes: 8 * held, rounding: 0.0 }
     }
 
     fn row<'a>(&'a self, s: usize, _band: usize, _buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {

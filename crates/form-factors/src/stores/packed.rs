@@ -127,6 +127,10 @@ impl<T: Entry> PackedFormFactors<T> {
             }
             mirror(tiles[0], layout.side(i));
         }
+        let largest = values[first..].iter().map(|&v| v.into()).fold(0.0, f64::max);
+        if largest > 0.0 && largest < T::LEAST {
+            return Err(StoreError::Underflow { store: T::NAME, largest, least: T::LEAST });
+        }
         Ok((Self { layout, values, first, bounds, scratch: Mutex::default() }, total))
     }
 
@@ -239,7 +243,12 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
     }
 
     fn properties(&self) -> Properties {
-        Properties { symmetric: true, per_band: false, stored_bytes: Self::bytes(self.layout.n()) }
+        Properties {
+            symmetric: true,
+            per_band: false,
+            stored_bytes: Self::bytes(self.layout.n()),
+            rounding: T::ROUNDING,
+        }
     }
 
     fn row<'a>(&'a self, s: usize, _band: usize, buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {

@@ -182,7 +182,7 @@ impl FormFactors for SparseFormFactors {
 
     fn properties(&self) -> Properties {
         let stored_bytes = bytes(self.sources(), self.values.nnz());
-        Properties { symmetric: self.symmetric, per_band: false, stored_bytes }
+        Properties { symmetric: self.symmetric, per_band: false, stored_bytes, rounding: 0.0 }
     }
 
     fn row<'a>(&'a self, s: usize, _band: usize, _buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
