@@ -2,6 +2,8 @@
 
 use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, Progress, Solver, StoreError, System};
 
+use crate::recurrence_level;
+
 /// Conjugate gradients on the symmetric positive definite form, all bands in one product.
 ///
 /// With D = √(ρ/A) and B = E + D y the system is
@@ -28,7 +30,7 @@ use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, P
 /// - *Reads*: every row once a step; the full form of a symmetric store, where both directions are one.
 /// - *Convergence*: error in the energy norm falls at least by (√κ − 1)/(√κ + 1) a step, in closed rooms far faster
 ///   (all eigenvalues but one lie well inside); η need not fall in every step.
-/// - *Accuracy*: r is carried by recurrence, which adds a few ε a step; once η is below 10⁵ ε (2·10⁻¹¹) it is
+/// - *Accuracy*: r is carried by recurrence, which adds a few ε a step; once η is below 10⁴ ε Σ A|x| / Σ A E it is
 ///   recomputed from x in every step, at one product more.
 /// - *Breakdown*: if p·Mp < 0, where the matrix is not positive definite (row sums times ρ above 1).
 /// - *Memory*: four vectors a band beside x and r, deflated six. A start value's digits where ρ = 0 are not used: there B = E.
@@ -88,9 +90,6 @@ impl SlowMode {
         if self.curvature[b] > 0.0 { dot(v.band(b), r) / self.curvature[b] } else { 0.0 }
     }
 }
-
-/// η below which the recurrence's own rounding could show in r.
-const RECURRENCE: f64 = 1e5 * f64::EPSILON;
 
 impl Work {
     /// r_cg = r / D; where ρ = 0 both are 0.
@@ -189,7 +188,7 @@ impl Solver for ConjugateGradient {
         }
         let unscaled = work.r.values().iter().zip(work.d.values());
         residual.values_mut().iter_mut().zip(unscaled).for_each(|(r, (scaled, d))| *r = d * scaled);
-        if system.unshot(residual.view()) < RECURRENCE {
+        if system.unshot(residual.view()) < recurrence_level(system, shot.view()) {
             cost += system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
             work.scale_residual(residual.view());
         }

@@ -2,6 +2,8 @@
 
 use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, Progress, Solver, StoreError, System};
 
+use crate::recurrence_level;
+
 /// Restarted GMRES in the norm of power.
 ///
 /// In the inner product ⟨u, v⟩ = Σ A u v, Arnoldi's process makes an orthonormal basis v₁ … v_{k+1} of the space spanned by r⁰, Gr⁰, …, Gᵏr⁰,
@@ -19,7 +21,7 @@ use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, P
 /// - *Convergence*: √(Σ A r²) never grows; without symmetry there is no rate, but a system that contracts by q loses at least that factor a
 ///   step, and outliers cost one step each. Needs no bound on row sums: it solves systems on which Jacobi diverges, if G is
 ///   not singular.
-/// - *Accuracy*: Gram–Schmidt twice, so V is orthonormal to rounding; below η = 10⁵ ε each step restarts.
+/// - *Accuracy*: Gram–Schmidt twice, so V is orthonormal to rounding; once η is below 10⁴ ε Σ A|x| / Σ A E each step restarts.
 /// - *Memory*: up to 31 vectors a band beside x and r.
 #[derive(Clone, Debug)]
 pub struct Gmres {
@@ -31,8 +33,6 @@ pub struct Gmres {
 
 /// Vectors of a space before it is begun anew.
 const RESTART: usize = 30;
-/// η below which rounding of the recurrences could show in r.
-const RECURRENCE: f64 = 1e5 * f64::EPSILON;
 
 impl Gmres {
     /// GMRES that reads the full form in `direction`.
@@ -195,7 +195,10 @@ impl Solver for Gmres {
             return Ok((Progress::Breakdown, cost));
         }
         let full = self.spaces.iter().any(|space| space.columns.len() >= self.restart);
-        if full || self.spaces.iter().all(|space| space.closed) || system.unshot(r.view()) < RECURRENCE {
+        if full
+            || self.spaces.iter().all(|space| space.closed)
+            || system.unshot(r.view()) < recurrence_level(system, shot.view())
+        {
             cost += system.residual(self.direction, shot.view(), r.view_mut())?;
             self.begin(system, shot, r);
         }
