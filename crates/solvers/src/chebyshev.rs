@@ -26,6 +26,9 @@ pub struct Chebyshev {
     work: Option<(BandValues, Vec<(f64, f64)>)>,
 }
 
+/// Steps without progress that are waited for where the interval reaches 0.
+const LONGEST: f64 = 1e4;
+
 impl Solver for Chebyshev {
     fn name(&self) -> &'static str {
         "chebyshev"
@@ -66,5 +69,13 @@ impl Solver for Chebyshev {
         }
         cost.flops += 7 * shot.values().len() as u64;
         Ok((Progress::Residual, cost))
+    }
+
+    /// The residual swells before the polynomial is small, for about 1/(1 − σ) steps, σ = δ/(1 + √(1 − δ²)).
+    fn patience(&self) -> f64 {
+        let largest =
+            self.work.iter().flat_map(|(_, intervals)| intervals).map(|(delta, _)| *delta).fold(0.0, f64::max);
+        let sigma = largest / (1.0 + (1.0 - largest * largest).sqrt());
+        (20.0 / (1.0 - sigma)).min(LONGEST)
     }
 }

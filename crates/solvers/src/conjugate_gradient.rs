@@ -52,6 +52,8 @@ impl ConjugateGradient {
 struct Work {
     /// D = √(ρ/A).
     d: BandValues,
+    /// Unit of r_cg and p in every band, a power of 2 near their size: squares neither over- nor underflow.
+    units: Vec<f64>,
     /// Residual r_cg.
     r: BandValues,
     /// Search direction.
@@ -92,10 +94,34 @@ impl SlowMode {
 }
 
 impl Work {
-    /// r_cg = r / D; where ρ = 0 both are 0.
+    fn new(d: BandValues, r: Bands<'_>) -> Self {
+        let zeros = BandValues::zeros(r.count(), r.len());
+        let unit = |b: usize| {
+            let scaled = d.band(b).iter().zip(r.band(b)).filter(|(d, _)| **d > 0.0).map(|(d, r)| (r / d).abs());
+            let largest = scaled.fold(0.0, f64::max);
+            if largest > 0.0 && largest.is_finite() { largest.log2().floor().exp2() } else { 1.0 }
+        };
+        let units = (0..r.count()).map(unit).collect();
+        let (p, dp, mp) = (zeros.clone(), zeros.clone(), zeros.clone());
+        let mut work = Self { d, units, r: zeros, p, dp, mp, slow: None };
+        work.scale_residual(r);
+        work
+    }
+
+    /// r_cg = r / D, in its unit; where ρ = 0 both are 0.
     fn scale_residual(&mut self, r: Bands<'_>) {
-        for ((scaled, d), r) in self.r.values_mut().iter_mut().zip(self.d.values()).zip(r.values()) {
-            *scaled = if *d > 0.0 { r / d } else { 0.0 };
+        for (b, unit) in self.units.iter().enumerate() {
+            for ((scaled, d), r) in self.r.band_mut(b).iter_mut().zip(self.d.band(b)).zip(r.band(b)) {
+                *scaled = if *d > 0.0 { r / unit / d } else { 0.0 };
+            }
+        }
+    }
+
+    /// r = D r_cg.
+    fn unscale_residual(&self, residual: &mut BandValues) {
+        for (b, unit) in self.units.iter().enumerate() {
+            let scaled = self.r.band(b).iter().zip(self.d.band(b));
+            residual.band_mut(b).iter_mut().zip(scaled).for_each(|(r, (scaled, d))| *r = d * scaled * unit);
         }
     }
 
@@ -143,20 +169,18 @@ impl Solver for ConjugateGradient {
         }
         let mut residual = BandValues::zeros(bands, m);
         let mut cost = system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
-        let zeros = BandValues::zeros(bands, m);
-        let mut work = Work { d, r: zeros.clone(), p: zeros.clone(), dp: zeros.clone(), mp: zeros, slow: None };
-        work.scale_residual(residual.view());
+        let mut work = Work::new(d, residual.view());
         if self.deflated {
             let (slow, spent) = SlowMode::new(system, &work.d)?;
             cost += spent;
             for b in 0..bands {
                 // y += c w, so x += c ρ and r_cg −= c M w.
                 let c = slow.part(b, &slow.w, work.r.band(b));
-                shot.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += c * rho);
+                let unit = work.units[b];
+                shot.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += c * rho * unit);
                 work.r.band_mut(b).iter_mut().zip(slow.mw.band(b)).for_each(|(r, mw)| *r -= c * mw);
             }
-            let unscaled = work.r.values().iter().zip(work.d.values());
-            residual.values_mut().iter_mut().zip(unscaled).for_each(|(r, (scaled, d))| *r = d * scaled);
+            work.unscale_residual(&mut residual);
             work.slow = Some(slow);
         }
         work.p = work.r.clone();
@@ -183,11 +207,11 @@ impl Solver for ConjugateGradient {
         for (b, &curvature) in curvatures.iter().enumerate().filter(|band| *band.1 > 0.0) {
             let (p, dp, mp) = (work.p.band(b), work.dp.band(b), work.mp.band(b));
             let alpha = dot(work.r.band(b), p) / curvature;
-            shot.band_mut(b).iter_mut().zip(dp).for_each(|(x, dp)| *x += alpha * dp);
+            let unit = work.units[b];
+            shot.band_mut(b).iter_mut().zip(dp).for_each(|(x, dp)| *x += alpha * dp * unit);
             work.r.band_mut(b).iter_mut().zip(mp).for_each(|(r, mp)| *r -= alpha * mp);
         }
-        let unscaled = work.r.values().iter().zip(work.d.values());
-        residual.values_mut().iter_mut().zip(unscaled).for_each(|(r, (scaled, d))| *r = d * scaled);
+        work.unscale_residual(residual);
         if system.unshot(residual.view()) < recurrence_level(system, shot.view()) {
             cost += system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
             work.scale_residual(residual.view());

@@ -81,13 +81,23 @@ fn dot(areas: &[f64], u: &[f64], v: &[f64]) -> f64 {
     areas.iter().zip(u).zip(v).map(|((a, u), v)| a * u * v).sum()
 }
 
+/// √⟨u, u⟩, in the unit of the largest value: squares neither over- nor underflow.
+fn norm(areas: &[f64], u: &[f64]) -> f64 {
+    let largest = u.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    let sum: f64 = areas.iter().zip(u).map(|(a, u)| a * (u / largest).powi(2)).sum();
+    largest * sum.sqrt()
+}
+
 fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x);
 }
 
 impl Krylov {
     fn new(areas: &[f64], x: &[f64], r: &[f64]) -> Self {
-        let norm = dot(areas, r, r).sqrt();
+        let norm = norm(areas, r);
         let mut space = Self { x: x.to_vec(), right: vec![norm], closed: norm == 0.0, ..Self::default() };
         if norm > 0.0 {
             space.basis.push(r.iter().map(|r| r / norm).collect());

@@ -39,8 +39,19 @@ pub use over_relaxation::OverRelaxation;
 pub use shooting::Shooting;
 
 /// Names that [`by_name`] knows, in the order of [`all`].
-pub const NAMES: [&str; 10] =
-    ["direct", "jacobi", "gauss-seidel", "sor", "chebyshev", "cg", "deflated-cg", "gmres", "shooting", "overshooting"];
+pub const NAMES: [&str; 11] = [
+    "direct",
+    "direct-f32",
+    "jacobi",
+    "gauss-seidel",
+    "sor",
+    "chebyshev",
+    "cg",
+    "deflated-cg",
+    "gmres",
+    "shooting",
+    "overshooting",
+];
 
 /// One of each method, in the direction it is made for.
 pub fn all() -> Vec<Box<dyn Solver>> {

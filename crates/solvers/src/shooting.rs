@@ -223,6 +223,11 @@ impl Solver for Shooting {
         Ok((Progress::Residual, cost))
     }
 
+    /// What is expected later is a multiple 1/(1 − ρ̄) of what is left, and so are debts until they are paid.
+    fn patience(&self) -> f64 {
+        if self.overshooting { 200.0 } else { 20.0 }
+    }
+
     fn passes_per_step(&self, system: &System<'_>) -> f64 {
         (1 + self.others) as f64 / system.patch_areas().len() as f64
     }
