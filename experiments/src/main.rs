@@ -9,6 +9,8 @@ mod patches;
 mod progressive;
 #[path = "04_solvers.rs"]
 mod solvers;
+#[path = "06_stability.rs"]
+mod stability;
 #[path = "02_substructuring.rs"]
 mod substructuring;
 mod truth;
@@ -24,6 +26,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &form_factors::FormFactorErrors,
     &solvers::Solvers,
     &progressive::Progressive,
+    &stability::Stability,
 ];
 
 fn main() -> ExitCode {

@@ -234,12 +234,12 @@ fn the_worst_rows_are_named_and_a_repair_closes_them() {
     folder.write("cube.mtl", CUBE_MTL);
     for command in ["form-factors cube.obj --subdivide 2 --output F.csv", "solve cube.obj --subdivide 2"] {
         let run = |options: &str| -> Value {
-            let ran = folder.run(&format!("{command} --method hemicube --resolution 32 --json {options}"));
+            let ran = folder.run(&format!("{command} --rays 256 --json {options}"));
             done(&ran);
             serde_json::from_str(&ran.stdout).unwrap()
         };
         let off = |object: &Value, k: usize| object["checks"]["worst_rows"][k]["row_sum"].as_f64().unwrap() - 1.0;
-        // A hemicube's rows close by themselves, but the mean of both directions does not, and is taken first.
+        // Rows of rays close by themselves, but the mean of both directions does not, and is taken first.
         let (plain, repaired) = (run(""), run("--repair"));
         assert!(off(&plain, 0).abs() >= off(&plain, 1).abs() && plain["repair"].is_null());
         assert_eq!(plain["checks"]["worst_rows"].as_array().unwrap().len(), 5);

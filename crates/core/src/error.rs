@@ -6,6 +6,18 @@ use crate::{Direction, Form};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
+    /// Exchange areas are too small for the precision they are to be kept in.
+    #[error(
+        "the largest exchange area is {largest:e}, but {store} keeps none below {least:e} to full precision; scale the scene up or keep double precision"
+    )]
+    Underflow {
+        /// Name of the store.
+        store: &'static str,
+        /// The largest value.
+        largest: f64,
+        /// What it must reach.
+        least: f64,
+    },
     /// An estimator gave a value that is no form factor.
     #[error(
         "the exchange area from source {source_index} to target {target_index} is {value}; it must be finite and not negative"

@@ -15,6 +15,8 @@ pub struct Properties {
     pub per_band: bool,
     /// Bytes the store holds for form factors now.
     pub stored_bytes: u64,
+    /// Relative error that keeping an entry adds to it: 0 in double precision.
+    pub rounding: f64,
 }
 
 /// One row of exchange areas A_s F_st, in the layout its store keeps.

@@ -14,8 +14,10 @@
 //! What is *not* here: geometry, estimators, matrix libraries and any particular method.
 
 mod bands;
+mod bounds;
 mod cost;
 mod error;
+mod forecast;
 mod form_factors;
 mod solve;
 mod solver;
@@ -23,8 +25,10 @@ mod system;
 mod trace;
 
 pub use bands::{BandValues, Bands, BandsMut};
+pub use bounds::Certificate;
 pub use cost::Cost;
 pub use error::{SolveError, StoreError, SystemError};
+pub use forecast::Forecast;
 pub use form_factors::{
     Block, Entries, FormFactors, Properties, Relax, Row, RowBuf, gather_by_rows, scatter_by_rows, sweep_by_rows,
 };

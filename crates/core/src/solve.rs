@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use crate::{BandValues, Bands, Cost, Iterate, Progress, SolveError, Solver, System};
+use crate::{BandValues, Bands, Certificate, Cost, Iterate, Progress, SolveError, Solver, System};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub struct StopRule {
     pub steps: u64,
     /// Largest time, of `start` and `step` alone.
     pub time: Option<Duration>,
-    /// Whether the final residual is recomputed and the bound evaluated, with up to three more passes over the form
+    /// Whether the final residual is recomputed and the bound evaluated, with a handful of passes over the form
     /// factors. Without it, irradiance comes from (B − E)/ρ and there is no bound.
     pub verify: bool,
 }
@@ -125,10 +125,10 @@ pub struct Solution {
     pub contraction: Option<f64>,
     /// Bound of Σ A|B* − B| / Σ A E over all bands, rounding added; `None` if q ≥ 1 or not verified.
     pub bound: Option<f64>,
+    /// All that the final residual says; `None` if not verified.
+    pub certificate: Option<Certificate>,
 }
 
-/// Passes without a new smallest η after which a run counts as stagnated.
-const PATIENCE: f64 = 20.0;
 /// Growth of η over its first value at which a run counts as not contracting, however short; slower growth counts if
 /// η rises from pass to pass until patience ends, which rounding never makes it do.
 const GROWTH: f64 = 1e6;
@@ -192,7 +192,7 @@ pub fn solve_from(
         if unshot.is_some_and(|eta| eta <= stop.unshot) {
             break Outcome::Converged;
         }
-        if let Some(outcome) = unshot.and_then(|eta| watch.judge(eta, steps)) {
+        if let Some(outcome) = unshot.and_then(|eta| watch.judge(eta, steps, solver.patience())) {
             break outcome;
         }
         if steps >= stop.steps {
@@ -268,7 +268,7 @@ impl Watch {
         self.idle_claims >= 3
     }
 
-    fn judge(&mut self, eta: f64, step: u64) -> Option<Outcome> {
+    fn judge(&mut self, eta: f64, step: u64, patience: f64) -> Option<Outcome> {
         let first = *self.first.get_or_insert(eta);
         if eta < self.best {
             (self.best, self.best_step) = (eta, step);
@@ -280,8 +280,8 @@ impl Watch {
         if !eta.is_finite() || eta > GROWTH * first {
             return Some(Outcome::NotContracting);
         }
-        let patient = (step - self.best_step) as f64 * self.passes_per_step <= PATIENCE;
-        let rising = f64::from(self.rises) >= PATIENCE - 1.0;
+        let patient = (step - self.best_step) as f64 * self.passes_per_step <= patience;
+        let rising = f64::from(self.rises) >= patience - 1.0;
         (!patient).then_some(if rising { Outcome::NotContracting } else { Outcome::Stagnated })
     }
 }
@@ -327,32 +327,24 @@ fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending
     let mut r = radiosity.clone();
     r.values_mut().iter_mut().zip(shot.values()).for_each(|(r, x)| *r -= x);
     let unshot = system.unshot(r.view());
-    let (mut contraction, mut bound) = (None, None);
+    let mut certificate = None;
     if stop.verify {
-        let (q, spent) = system.contraction(direction)?;
+        let (found, spent) = Certificate::new(system, direction, shot.view(), r.view())?;
         verification += spent;
-        contraction = Some(q.iter().copied().fold(0.0, f64::max));
-        bound = error_bound(system, shot.view(), r.view(), &q);
+        certificate = Some(found);
     }
-    Ok(Solution { radiosity, irradiance, outcome, steps, cost, verification, time, unshot, contraction, bound })
-}
-
-/// Σ A|r| · q/(1 − q) plus the rounding of r over Σ A E, of the worst band; `None` unless q < 1 in all.
-fn error_bound(system: &System<'_>, x: Bands<'_>, r: Bands<'_>, q: &[f64]) -> Option<f64> {
-    let mut worst = 0.0_f64;
-    for (band, &q) in q.iter().enumerate() {
-        let absolute =
-            |v: Bands<'_>| -> f64 { system.areas().iter().zip(v.band(band)).map(|(a, v)| a * v.abs()).sum() };
-        // A sum of m products is off by at most m ε Σ|terms|; each row is within that of the rows' total.
-        let rounding = (system.elements() as f64 + 4.0) * f64::EPSILON * absolute(x);
-        let emitted = system.power(system.emission().band(band));
-        let error = (absolute(r) * q + rounding) / (1.0 - q);
-        if !(q < 1.0 && error.is_finite()) {
-            return None;
-        }
-        if error > 0.0 {
-            worst = worst.max(error / emitted);
-        }
-    }
-    worst.is_finite().then_some(worst)
+    let (contraction, bound) = (certificate.map(|c| c.contraction), certificate.and_then(|c| c.bound));
+    Ok(Solution {
+        radiosity,
+        irradiance,
+        outcome,
+        steps,
+        cost,
+        verification,
+        time,
+        unshot,
+        contraction,
+        bound,
+        certificate,
+    })
 }

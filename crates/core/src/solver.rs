@@ -65,4 +65,10 @@ pub trait Solver {
     fn passes_per_step(&self, _system: &System<'_>) -> f64 {
         1.0
     }
+
+    /// Passes over the form factors without a new smallest η after which the run counts as stagnated: more for a method
+    /// whose η rises for a while before it falls.
+    fn patience(&self) -> f64 {
+        20.0
+    }
 }

@@ -297,18 +297,46 @@ impl<'a> System<'a> {
     ///
     /// [`StoreError`] if a row cannot be had.
     pub fn contraction(&self, direction: Direction) -> Result<(Vec<f64>, Cost), StoreError> {
+        let ones = BandValues::new(vec![1.0; self.bands() * self.elements()], self.elements());
+        let (reflected, cost) = self.adjoint(direction, ones.view())?;
+        let largest = |b: usize| reflected.band(b).iter().copied().fold(0.0, f64::max);
+        Ok(((0..self.bands()).map(largest).collect(), cost))
+    }
+
+    /// T w = A⁻¹ (ρF)ᵀ A w: what comes back, in units of w, of the power that each element sends.
+    ///
+    /// ```text
+    /// (T w)_t = (1/A_t) Σ_s A_s F_st ρ_s w_s      when gathering; with rows instead of columns when shooting
+    /// ```
+    ///
+    /// In the substructured forms the elements of a patch share a value.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had.
+    pub fn adjoint(&self, direction: Direction, w: Bands<'_>) -> Result<(BandValues, Cost), StoreError> {
         let shoots = match self.form {
             Form::Full => direction == Direction::Shoot,
             form => form == Form::PatchesToElements,
         };
+        let mut reflected = w.to_owned();
+        reflected.values_mut().iter_mut().zip(self.reflectance.values()).for_each(|(w, rho)| *w *= rho);
         let senders = self.patch_areas();
-        let mut reflected = BandValues::zeros(self.bands(), senders.len());
+        let mut back = BandValues::zeros(self.bands(), senders.len());
         let cost = if shoots {
-            self.store.gather(self.reflectance.view(), reflected.view_mut())?
+            self.store.gather(reflected.view(), back.view_mut())?
         } else {
-            self.store.scatter(self.reflectance.view(), reflected.view_mut())?
+            self.store.scatter(reflected.view(), back.view_mut())?
         };
-        let largest = |b: usize| reflected.band(b).iter().zip(senders).map(|(r, a)| r / a).fold(0.0, f64::max);
-        Ok(((0..self.bands()).map(largest).collect(), cost))
+        for b in 0..self.bands() {
+            back.band_mut(b).iter_mut().zip(senders).for_each(|(back, area)| *back /= area);
+        }
+        let Some(patches) = &self.patches else { return Ok((back, cost)) };
+        for b in 0..self.bands() {
+            let of_patches = back.band(b);
+            let own = reflected.band_mut(b).iter_mut().zip(&patches.parent);
+            own.for_each(|(value, &p)| *value = of_patches[p as usize]);
+        }
+        Ok((reflected, cost))
     }
 }

@@ -30,7 +30,7 @@ impl FormFactors for Formula {
         self.targets
     }
     fn properties(&self) -> Properties {
-        Properties { symmetric: false, per_band: self.per_band, stored_bytes: 0 }
+        Properties { symmetric: false, per_band: self.per_band, stored_bytes: 0, rounding: 0.0 }
     }
     fn row<'a>(&'a self, s: usize, band: usize, buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
         buf.values.clear();

@@ -27,7 +27,12 @@ impl FormFactors for Rows {
         self.targets
     }
     fn properties(&self) -> Properties {
-        Properties { symmetric: self.symmetric, per_band: false, stored_bytes: 8 * self.values.len() as u64 }
+        Properties {
+            symmetric: self.symmetric,
+            per_band: false,
+            stored_bytes: 8 * self.values.len() as u64,
+            rounding: 0.0,
+        }
     }
     fn row<'a>(&'a self, s: usize, _: usize, _: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
         let row = &self.values[s * self.targets..(s + 1) * self.targets];

@@ -324,7 +324,7 @@ mod tests {
         }
 
         fn properties(&self) -> Properties {
-            Properties { symmetric: false, per_band: false, stored_bytes: 0 }
+            Properties { symmetric: false, per_band: false, stored_bytes: 0, rounding: 0.0 }
         }
 
         fn row<'a>(&'a self, s: usize, _: usize, buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {

@@ -8,12 +8,14 @@
 //! | [`boxes`] | closure; tabulated form factors | estimators |
 //! | [`ManufacturedRoom`] | B, H and E at every point | everything, interreflection included |
 //! | [`FloorUnderLight`] | H at every point of the floor | meshes and form factors |
+//! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
 //! | [`conformance()`] | what any store must do | stores |
 //!
 //! What is *not* here: files, and answers that are only known from a finer run.
 
 pub mod boxes;
 mod conformance;
+mod double_double;
 mod floor_under_light;
 pub mod furnace;
 mod integrating_sphere;
@@ -21,9 +23,11 @@ mod manufactured;
 pub mod quadrature;
 mod random_enclosure;
 pub mod rectangles;
+mod stiff;
 
 pub use conformance::conformance;
 pub use floor_under_light::FloorUnderLight;
 pub use integrating_sphere::IntegratingSphere;
 pub use manufactured::ManufacturedRoom;
 pub use random_enclosure::RandomEnclosure;
+pub use stiff::{StiffCase, stiff};

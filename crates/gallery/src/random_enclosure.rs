@@ -54,6 +54,19 @@ impl RandomEnclosure {
         Self { areas, exchange, emission, reflectance }
     }
 
+    /// Exchange areas with the zeros of `exchange`, a symmetric table that is not negative, scaled to the row sums of a closed room;
+    /// nothing emits or reflects yet.
+    pub fn closed(areas: Vec<f64>, mut exchange: Vec<f64>) -> Self {
+        let n = areas.len();
+        scale_rows(&mut exchange, &areas);
+        Self { areas, exchange, emission: vec![0.0; n], reflectance: vec![0.0; n] }
+    }
+
+    /// The same enclosure with another emission, and one reflectance everywhere.
+    pub fn lit(self, emission: Vec<f64>, reflectance: f64) -> Self {
+        Self { emission, ..self }.with_reflectance(reflectance)
+    }
+
     /// The same enclosure with all exchange areas times `factor`: row sums are no longer 1.
     pub fn scaled(mut self, factor: f64) -> Self {
         self.exchange.iter_mut().for_each(|value| *value *= factor);

@@ -2,6 +2,8 @@
 
 use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, Progress, Solver, StoreError, System};
 
+use crate::recurrence_level;
+
 /// Conjugate gradients on the symmetric positive definite form, all bands in one product.
 ///
 /// With D = √(ρ/A) and B = E + D y the system is
@@ -14,16 +16,35 @@ use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, P
 /// Each band has its own α and β; rows with ρ = 0 are rows of the identity. In terms of radiosity x = E + D y and
 /// r = D r_cg.
 ///
+/// **Deflated**, the slow mode of a closed room, light spread evenly and reflected (H constant, so w = √(ρA)), is solved for at once and
+/// kept out of every direction (Y. Saad, M. Yeung, J. Erhel and F. Guyomarc'h, "A deflated version of the conjugate gradient
+/// algorithm", SIAM J. Sci. Comput. 21, 2000):
+///
+/// ```text
+/// y⁰ += w (w·r)/(w·Mw),      p = r + β p − w (Mw·r)/(w·Mw)
+/// ```
+///
+/// The number of steps then hardly depends on ρ, for one product more at the start. Every nearly isolated room brings a slow mode of
+/// its own, of which this takes the one that all share.
+///
 /// - *Reads*: every row once a step; the full form of a symmetric store, where both directions are one.
 /// - *Convergence*: error in the energy norm falls at least by (√κ − 1)/(√κ + 1) a step, in closed rooms far faster
 ///   (all eigenvalues but one lie well inside); η need not fall in every step.
-/// - *Accuracy*: r is carried by recurrence, which adds a few ε a step; once η is below 10⁵ ε (2·10⁻¹¹) it is
+/// - *Accuracy*: r is carried by recurrence, which adds a few ε a step; once η is below 10⁴ ε Σ A|x| / Σ A E it is
 ///   recomputed from x in every step, at one product more.
 /// - *Breakdown*: if p·Mp < 0, where the matrix is not positive definite (row sums times ρ above 1).
-/// - *Memory*: four vectors a band beside x and r. A start value's digits where ρ = 0 are not used: there B = E.
+/// - *Memory*: four vectors a band beside x and r, deflated six. A start value's digits where ρ = 0 are not used: there B = E.
 #[derive(Clone, Debug, Default)]
 pub struct ConjugateGradient {
+    deflated: bool,
     work: Option<Work>,
+}
+
+impl ConjugateGradient {
+    /// Conjugate gradients with the slow mode of a closed room deflated.
+    pub fn deflated() -> Self {
+        Self { deflated: true, work: None }
+    }
 }
 
 /// Vectors of all bands, in the variables of the scaled form.
@@ -31,6 +52,8 @@ pub struct ConjugateGradient {
 struct Work {
     /// D = √(ρ/A).
     d: BandValues,
+    /// Unit of r_cg and p in every band, a power of 2 near their size: squares neither over- nor underflow.
+    units: Vec<f64>,
     /// Residual r_cg.
     r: BandValues,
     /// Search direction.
@@ -39,16 +62,74 @@ struct Work {
     dp: BandValues,
     /// M p, M = I − D (AF) D.
     mp: BandValues,
+    /// The mode that is kept out.
+    slow: Option<SlowMode>,
 }
 
-/// η below which the recurrence's own rounding could show in r.
-const RECURRENCE: f64 = 1e5 * f64::EPSILON;
+/// w = √(ρA) of every band, M w and w·Mw.
+#[derive(Clone, Debug)]
+struct SlowMode {
+    w: BandValues,
+    mw: BandValues,
+    curvature: Vec<f64>,
+}
+
+impl SlowMode {
+    fn new(system: &System<'_>, d: &BandValues) -> Result<(Self, Cost), StoreError> {
+        let mut w = d.clone();
+        (0..system.bands()).for_each(|b| w.band_mut(b).iter_mut().zip(system.areas()).for_each(|(w, a)| *w *= a));
+        // D w = ρ.
+        let mut mw = BandValues::zeros(system.bands(), system.elements());
+        let cost = system.store().gather(system.reflectance(), mw.view_mut())?;
+        let scaled = w.values().iter().zip(d.values());
+        mw.values_mut().iter_mut().zip(scaled).for_each(|(mw, (w, d))| *mw = w - d * *mw);
+        let curvature = (0..system.bands()).map(|b| dot(w.band(b), mw.band(b))).collect();
+        Ok((Self { w, mw, curvature }, cost))
+    }
+
+    /// v·r/(w·Mw), or nothing where a band has no such mode (ρ = 0) or the matrix is not positive along it.
+    fn part(&self, b: usize, v: &BandValues, r: &[f64]) -> f64 {
+        if self.curvature[b] > 0.0 { dot(v.band(b), r) / self.curvature[b] } else { 0.0 }
+    }
+}
 
 impl Work {
-    /// r_cg = r / D; where ρ = 0 both are 0.
+    fn new(d: BandValues, r: Bands<'_>) -> Self {
+        let zeros = BandValues::zeros(r.count(), r.len());
+        let unit = |b: usize| {
+            let scaled = d.band(b).iter().zip(r.band(b)).filter(|(d, _)| **d > 0.0).map(|(d, r)| (r / d).abs());
+            let largest = scaled.fold(0.0, f64::max);
+            if largest > 0.0 && largest.is_finite() { largest.log2().floor().exp2() } else { 1.0 }
+        };
+        let units = (0..r.count()).map(unit).collect();
+        let (p, dp, mp) = (zeros.clone(), zeros.clone(), zeros.clone());
+        let mut work = Self { d, units, r: zeros, p, dp, mp, slow: None };
+        work.scale_residual(r);
+        work
+    }
+
+    /// r_cg = r / D, in its unit; where ρ = 0 both are 0.
     fn scale_residual(&mut self, r: Bands<'_>) {
-        for ((scaled, d), r) in self.r.values_mut().iter_mut().zip(self.d.values()).zip(r.values()) {
-            *scaled = if *d > 0.0 { r / d } else { 0.0 };
+        for (b, unit) in self.units.iter().enumerate() {
+            for ((scaled, d), r) in self.r.band_mut(b).iter_mut().zip(self.d.band(b)).zip(r.band(b)) {
+                *scaled = if *d > 0.0 { r / unit / d } else { 0.0 };
+            }
+        }
+    }
+
+    /// r = D r_cg.
+    fn unscale_residual(&self, residual: &mut BandValues) {
+        for (b, unit) in self.units.iter().enumerate() {
+            let scaled = self.r.band(b).iter().zip(self.d.band(b));
+            residual.band_mut(b).iter_mut().zip(scaled).for_each(|(r, (scaled, d))| *r = d * scaled * unit);
+        }
+    }
+
+    /// Takes the slow mode out of the direction p of band b.
+    fn deflate(&mut self, b: usize) {
+        if let Some(slow) = &self.slow {
+            let part = slow.part(b, &slow.mw, self.r.band(b));
+            self.p.band_mut(b).iter_mut().zip(slow.w.band(b)).for_each(|(p, w)| *p -= part * w);
         }
     }
 
@@ -65,7 +146,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl Solver for ConjugateGradient {
     fn name(&self) -> &'static str {
-        "cg"
+        if self.deflated { "deflated-cg" } else { "cg" }
     }
 
     fn needs(&self) -> Needs {
@@ -87,11 +168,23 @@ impl Solver for ConjugateGradient {
             }
         }
         let mut residual = BandValues::zeros(bands, m);
-        let cost = system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
-        let zeros = BandValues::zeros(bands, m);
-        let mut work = Work { d, r: zeros.clone(), p: zeros.clone(), dp: zeros.clone(), mp: zeros };
-        work.scale_residual(residual.view());
+        let mut cost = system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
+        let mut work = Work::new(d, residual.view());
+        if self.deflated {
+            let (slow, spent) = SlowMode::new(system, &work.d)?;
+            cost += spent;
+            for b in 0..bands {
+                // y += c w, so x += c ρ and r_cg −= c M w.
+                let c = slow.part(b, &slow.w, work.r.band(b));
+                let unit = work.units[b];
+                shot.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += c * rho * unit);
+                work.r.band_mut(b).iter_mut().zip(slow.mw.band(b)).for_each(|(r, mw)| *r -= c * mw);
+            }
+            work.unscale_residual(&mut residual);
+            work.slow = Some(slow);
+        }
         work.p = work.r.clone();
+        (0..bands).for_each(|b| work.deflate(b));
         self.work = Some(work);
         Ok((Iterate { shot, residual: Some(residual) }, cost))
     }
@@ -114,12 +207,12 @@ impl Solver for ConjugateGradient {
         for (b, &curvature) in curvatures.iter().enumerate().filter(|band| *band.1 > 0.0) {
             let (p, dp, mp) = (work.p.band(b), work.dp.band(b), work.mp.band(b));
             let alpha = dot(work.r.band(b), p) / curvature;
-            shot.band_mut(b).iter_mut().zip(dp).for_each(|(x, dp)| *x += alpha * dp);
+            let unit = work.units[b];
+            shot.band_mut(b).iter_mut().zip(dp).for_each(|(x, dp)| *x += alpha * dp * unit);
             work.r.band_mut(b).iter_mut().zip(mp).for_each(|(r, mp)| *r -= alpha * mp);
         }
-        let unscaled = work.r.values().iter().zip(work.d.values());
-        residual.values_mut().iter_mut().zip(unscaled).for_each(|(r, (scaled, d))| *r = d * scaled);
-        if system.unshot(residual.view()) < RECURRENCE {
+        work.unscale_residual(residual);
+        if system.unshot(residual.view()) < recurrence_level(system, shot.view()) {
             cost += system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
             work.scale_residual(residual.view());
         }
@@ -127,6 +220,7 @@ impl Solver for ConjugateGradient {
         for (b, &curvature) in curvatures.iter().enumerate().filter(|band| *band.1 > 0.0) {
             let beta = -dot(work.r.band(b), work.mp.band(b)) / curvature;
             work.p.band_mut(b).iter_mut().zip(work.r.band(b)).for_each(|(p, r)| *p = r + beta * *p);
+            work.deflate(b);
         }
         cost.flops += 16 * shot.values().len() as u64;
         Ok((Progress::Residual, cost))

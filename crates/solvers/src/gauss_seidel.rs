@@ -27,14 +27,13 @@ use crate::fraction;
 /// - *Memory*: in the substructured form the patch means, else nothing beside x.
 #[derive(Clone, Debug, Default)]
 pub struct GaussSeidel {
-    /// Σ A E of every band.
-    emitted: Vec<f64>,
-    /// Σ A|x_new − x_old| of every band in this sweep.
-    changed: Vec<f64>,
+    sweeps: Sweeps,
 }
 
 /// What a relaxation of a block needs to know of the system.
 struct Equation<'s> {
+    /// Share of the change that is made: 1 is Gauss–Seidel.
+    omega: f64,
     areas: &'s [f64],
     e: Bands<'s>,
     rho: Bands<'s>,
@@ -54,9 +53,9 @@ impl Equation<'_> {
                 let others: f64 = row[..k].iter().zip(&x[..k]).map(|(f, x)| f * x).sum::<f64>()
                     + row[k + 1..].iter().zip(&x[k + 1..]).map(|(f, x)| f * x).sum::<f64>();
                 let diagonal = 1.0 - rho[k] * row[k] / a;
-                let new = (e[k] + rho[k] * (outside[k] + others) / a) / diagonal;
-                *changed += a * (new - x[k]).abs();
-                x[k] = new;
+                let change = (e[k] + rho[k] * (outside[k] + others) / a) / diagonal - x[k];
+                *changed += a * change.abs();
+                x[k] += self.omega * change;
                 positive &= diagonal > 0.0;
             }
         }
@@ -85,8 +84,8 @@ impl Equation<'_> {
                 }
                 let (a, patch) = (self.areas[s], parent[s] as usize);
                 let change = e[s] + rho[s] * sum / a - x[s];
-                x[s] += change;
-                p[patch] += a * change / patch_areas[patch];
+                x[s] += self.omega * change;
+                p[patch] += a * self.omega * change / patch_areas[patch];
                 *changed += a * change.abs();
             }
         }
@@ -100,28 +99,36 @@ fn inside<'b>(block: &Block<'b>, b: usize) -> &'b [f64] {
     &block.inside[at..at + size]
 }
 
-impl Solver for GaussSeidel {
-    fn name(&self) -> &'static str {
-        "gauss-seidel"
+/// Sweeps that relax by ω, and how much they changed: what Gauss–Seidel and over-relaxation share.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sweeps {
+    /// Σ A E of every band.
+    emitted: Vec<f64>,
+    /// Σ A|change| of every band in the last sweep, before ω.
+    changed: Vec<f64>,
+}
+
+/// Forms that a sweep reads.
+pub(crate) const FORMS: &[Form] = &[Form::Full, Form::ElementsToPatches];
+
+impl Sweeps {
+    /// Sweeps of a system.
+    pub fn new(system: &System<'_>) -> Self {
+        let emitted = (0..system.bands()).map(|b| system.power(system.emission().band(b))).collect();
+        Self { emitted, changed: vec![0.0; system.bands()] }
     }
 
-    fn needs(&self) -> Needs {
-        let forms = &[Form::Full, Form::ElementsToPatches];
-        Needs { forms, direction: Direction::Gather, symmetric: false }
-    }
-
-    fn start(&mut self, system: &System<'_>, from: Option<Bands<'_>>) -> Result<(Iterate, Cost), StoreError> {
-        self.emitted = (0..system.bands()).map(|b| system.power(system.emission().band(b))).collect();
-        self.changed = vec![0.0; system.bands()];
-        let shot = from.unwrap_or(system.emission()).to_owned();
-        Ok((Iterate { shot, residual: None }, Cost::default()))
-    }
-
-    fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {
+    /// One sweep: x_s ← x_s + ω (x_s of Gauss–Seidel − x_s), in order.
+    pub fn relax(
+        &mut self,
+        system: &System<'_>,
+        x: &mut BandValues,
+        omega: f64,
+    ) -> Result<(Progress, Cost), StoreError> {
         let Self { emitted, changed } = self;
-        let equation = Equation { areas: system.areas(), e: system.emission(), rho: system.reflectance() };
+        let equation = Equation { omega, areas: system.areas(), e: system.emission(), rho: system.reflectance() };
         changed.fill(0.0);
-        let (store, x, mut sound) = (system.store(), &mut iterate.shot, true);
+        let (store, mut sound) = (system.store(), true);
         let mut cost = match (system.form(), system.parent()) {
             (Form::ElementsToPatches, Some(parent)) => {
                 // Anew in each sweep, so that rounding of the running means does not add up.
@@ -141,5 +148,25 @@ impl Solver for GaussSeidel {
         // A NaN must not be lost in a maximum.
         let unshot = fractions.fold(0.0, |worst: f64, eta| if worst.is_nan() || eta <= worst { worst } else { eta });
         Ok((Progress::Claim { unshot }, cost))
+    }
+}
+
+impl Solver for GaussSeidel {
+    fn name(&self) -> &'static str {
+        "gauss-seidel"
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { forms: FORMS, direction: Direction::Gather, symmetric: false }
+    }
+
+    fn start(&mut self, system: &System<'_>, from: Option<Bands<'_>>) -> Result<(Iterate, Cost), StoreError> {
+        self.sweeps = Sweeps::new(system);
+        let shot = from.unwrap_or(system.emission()).to_owned();
+        Ok((Iterate { shot, residual: None }, Cost::default()))
+    }
+
+    fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {
+        self.sweeps.relax(system, &mut iterate.shot, 1.0)
     }
 }

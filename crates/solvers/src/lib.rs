@@ -3,40 +3,64 @@
 //! | name | method | reads | forms | symmetric stores only |
 //! |---|---|---|---|---|
 //! | `direct` | [`Direct`] | every row once, then one product a step | full | no (Cholesky or LU) |
+//! | `direct-f32` | [`Direct::single`] | as `direct`, factors in single precision | full | no |
 //! | `jacobi` | [`Jacobi`] | one product a step | all | no |
 //! | `gauss-seidel` | [`GaussSeidel`] | one sweep a step | full, elements → patches | no |
+//! | `sor` | [`OverRelaxation`] | one sweep a step | full, elements → patches | no |
+//! | `chebyshev` | [`Chebyshev`] | one product a step | full | yes |
 //! | `cg` | [`ConjugateGradient`] | one product a step | full | yes |
+//! | `deflated-cg` | [`ConjugateGradient::deflated`] | one product a step | full | yes |
+//! | `gmres` | [`Gmres`] | one product a step | all | no |
 //! | `shooting` | [`Shooting`] | one row a step | full, patches → elements | no |
+//! | `overshooting` | [`Shooting::overshooting`] | one row a step | full, patches → elements | no |
 //!
 //! All bands are solved at once. Stopping, timing and verification are [`radiosity_core::solve`]'s. [`ambient`] is for
 //! display. What is *not* here: geometry, and how form factors are had or kept.
 
 pub mod ambient;
+mod chebyshev;
 mod conjugate_gradient;
 mod direct;
 mod gauss_seidel;
+mod gmres;
 mod jacobi;
+mod over_relaxation;
 mod shooting;
 
-use radiosity_core::{Direction, SolveError, Solver};
+use radiosity_core::{Bands, Direction, SolveError, Solver, System};
 
+pub use chebyshev::Chebyshev;
 pub use conjugate_gradient::ConjugateGradient;
 pub use direct::{Direct, Factorisation};
 pub use gauss_seidel::GaussSeidel;
+pub use gmres::Gmres;
 pub use jacobi::Jacobi;
+pub use over_relaxation::OverRelaxation;
 pub use shooting::Shooting;
 
 /// Names that [`by_name`] knows, in the order of [`all`].
-pub const NAMES: [&str; 5] = ["direct", "jacobi", "gauss-seidel", "cg", "shooting"];
+pub const NAMES: [&str; 11] = [
+    "direct",
+    "direct-f32",
+    "jacobi",
+    "gauss-seidel",
+    "sor",
+    "chebyshev",
+    "cg",
+    "deflated-cg",
+    "gmres",
+    "shooting",
+    "overshooting",
+];
 
 /// One of each method, in the direction it is made for.
 pub fn all() -> Vec<Box<dyn Solver>> {
     NAMES.into_iter().filter_map(by_name).collect()
 }
 
-/// The method called `name`, in the direction it is made for: shooting shoots, all others gather.
+/// The method called `name`, in the direction it is made for: shooting and overshooting shoot, all others gather.
 pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
-    let direction = if name == "shooting" { Direction::Shoot } else { Direction::Gather };
+    let direction = if name.ends_with("shooting") { Direction::Shoot } else { Direction::Gather };
     by_name_in(name, direction).ok().flatten()
 }
 
@@ -51,10 +75,16 @@ pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
 pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Solver>>, SolveError> {
     let solver: Box<dyn Solver> = match name {
         "direct" => Box::new(Direct::new(Factorisation::Automatic, direction)),
+        "direct-f32" => Box::new(Direct::new(Factorisation::Automatic, direction).single()),
         "jacobi" => Box::new(Jacobi::new(direction)),
         "gauss-seidel" => Box::new(GaussSeidel::default()),
+        "sor" => Box::new(OverRelaxation::default()),
+        "chebyshev" => Box::new(Chebyshev::default()),
+        "gmres" => Box::new(Gmres::new(direction)),
         "cg" => Box::new(ConjugateGradient::default()),
+        "deflated-cg" => Box::new(ConjugateGradient::deflated()),
         "shooting" => Box::new(Shooting::default()),
+        "overshooting" => Box::new(Shooting::overshooting()),
         _ => return Ok(None),
     };
     let needs = solver.needs();
@@ -62,6 +92,15 @@ pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Sol
         return Err(SolveError::NeedsDirection { solver: solver.name(), direction });
     }
     Ok(Some(solver))
+}
+
+/// η below which what recurrences add to r could show, so that r is recomputed from x: 10⁴ ε Σ A|x| / Σ A E of the worst band.
+fn recurrence_level(system: &System<'_>, x: Bands<'_>) -> f64 {
+    let band = |b: usize| {
+        let size: f64 = system.areas().iter().zip(x.band(b)).map(|(a, x)| a * x.abs()).sum();
+        fraction(size, system.power(system.emission().band(b)))
+    };
+    1e4 * f64::EPSILON * (0..x.count()).map(band).fold(0.0, f64::max)
 }
 
 /// Σ A|x| of a band over what the band emits; 0 when nothing is left, also of a band in which nothing emits.

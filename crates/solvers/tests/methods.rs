@@ -8,7 +8,10 @@ use radiosity_core::{
 };
 use radiosity_form_factors::stores::{DenseFormFactors, SparseFormFactors, aggregate};
 use radiosity_gallery::RandomEnclosure;
-use radiosity_solvers::{ConjugateGradient, Direct, Factorisation, Jacobi, Shooting, all, by_name, by_name_in};
+use radiosity_solvers::{
+    Chebyshev, ConjugateGradient, Direct, Factorisation, GaussSeidel, Gmres, Jacobi, NAMES, OverRelaxation, Shooting,
+    all, by_name, by_name_in,
+};
 
 /// Σ A|v| of all bands.
 fn norm(system: &System<'_>, v: &[f64]) -> f64 {
@@ -56,7 +59,7 @@ fn methods_agree_per_direction_on_a_store_that_is_not_symmetric() {
     let mut answers = Vec::new();
     for direction in [Direction::Gather, Direction::Shoot] {
         let mut first: Option<BandValues> = None;
-        for name in ["direct", "jacobi", "gauss-seidel", "shooting"] {
+        for name in NAMES.into_iter().filter(|name| !by_name(name).unwrap().needs().symmetric) {
             let Ok(Some(mut solver)) = by_name_in(name, direction) else { continue };
             let b = solve(&system, &mut *solver, &StopRule::unshot(1e-13), &mut ()).unwrap().radiosity;
             let first = first.get_or_insert_with(|| b.clone());
@@ -121,8 +124,8 @@ fn shooting_keeps_the_residual_true_in_both_forms() {
         System::full(&full, &enclosure.areas, e, rho).unwrap(),
         System::substructured(&to_elements, Form::PatchesToElements, &enclosure.areas, &parent, e, rho).unwrap(),
     ];
-    for system in &forms {
-        let mut solver = Shooting::default();
+    let kinds = || [Shooting::default(), Shooting::overshooting(), Shooting::several(3)];
+    for (system, mut solver) in forms.iter().flat_map(|system| kinds().map(|solver| (system, solver))) {
         let (mut iterate, _) = solver.start(system, None).unwrap();
         let mut true_r = iterate.shot.clone();
         for shot in 0..200 {
@@ -279,7 +282,7 @@ fn a_system_that_does_not_contract_is_told_apart() {
     let store = enclosure.dense();
     let system = enclosure.system(&store);
     let run = |solver: &mut dyn Solver| solve(&system, solver, &StopRule::unshot(1e-8), &mut ()).unwrap();
-    for name in ["jacobi", "gauss-seidel", "shooting"] {
+    for name in ["jacobi", "gauss-seidel", "sor", "shooting", "overshooting"] {
         let solution = run(&mut *by_name(name).unwrap());
         assert_eq!(solution.outcome, Outcome::NotContracting, "{name}");
         assert!(solution.bound.is_none() && solution.contraction.unwrap() > 1.0);
@@ -288,6 +291,12 @@ fn a_system_that_does_not_contract_is_told_apart() {
     let cholesky = run(&mut Direct::default());
     assert_eq!((cholesky.outcome, cholesky.bound), (Outcome::Breakdown, None));
     assert_eq!(run(&mut ConjugateGradient::default()).outcome, Outcome::Breakdown);
+    assert_eq!(run(&mut ConjugateGradient::deflated()).outcome, Outcome::Breakdown);
+    // Beyond its interval the polynomial grows slowly at first, and not in every step.
+    let chebyshev = run(&mut Chebyshev::default());
+    assert!(matches!(chebyshev.outcome, Outcome::NotContracting | Outcome::Stagnated) && chebyshev.bound.is_none());
+    // A minimal residual needs no contraction: the system has an answer, if no meaning.
+    assert_eq!(run(&mut Gmres::default()).outcome, Outcome::Converged);
     // Row sums 2 % above one do no harm at ρ = 0.9.
     let tame = RandomEnclosure::new(40, 9).with_reflectance(0.9).scaled(1.02);
     let system = tame.system(&store);
@@ -316,7 +325,7 @@ fn the_step_limit_ends_a_run_with_what_there_is() {
     let enclosure = RandomEnclosure::new(40, 11);
     let store = SparseFormFactors::assemble(&&enclosure).unwrap().0;
     let system = enclosure.system(&store);
-    for mut solver in all().into_iter().filter(|solver| solver.name() != "direct") {
+    for mut solver in all().into_iter().filter(|solver| !solver.name().starts_with("direct")) {
         let solution = solve(&system, &mut *solver, &StopRule::unshot(1e-12).steps(2), &mut ()).unwrap();
         assert_eq!((solution.outcome, solution.steps), (Outcome::StepLimit, 2), "{}", solver.name());
         assert!(solution.unshot > 1e-12 && solution.unshot < 1.0);
@@ -343,7 +352,7 @@ fn a_start_from_the_old_answer_saves_steps() {
     emission[5] *= 1.001;
     let system = enclosure.system_with(&store, &emission, &enclosure.reflectance);
     let wanted = reference(&system);
-    for mut solver in all().into_iter().filter(|solver| solver.name() != "direct") {
+    for mut solver in all().into_iter().filter(|solver| !solver.name().starts_with("direct")) {
         let (mut cold, mut warm) = (Count(0), Count(0));
         let stop = StopRule::unshot(1e-9);
         solve(&system, &mut *solver, &stop, &mut cold).unwrap();
@@ -364,8 +373,8 @@ fn bytes_are_equal_in_pools_of_1_2_and_8_threads() {
     let e = [&enclosure.emission[..], &enclosure.reflectance].concat();
     let rho = [&enclosure.reflectance[..], &[0.7; 700]].concat();
     for (store, names) in [
-        (&symmetric, &["direct", "jacobi", "gauss-seidel", "cg", "shooting"][..]),
-        (&rows, &["direct", "jacobi", "gauss-seidel", "shooting"]),
+        (&symmetric, &NAMES[..]),
+        (&rows, &["direct", "jacobi", "gauss-seidel", "sor", "gmres", "shooting", "overshooting"]),
     ] {
         let system = enclosure.system_with(store, &e, &rho);
         for name in names {
@@ -381,4 +390,65 @@ fn bytes_are_equal_in_pools_of_1_2_and_8_threads() {
             assert!(one == run(2) && one == run(8), "{name}");
         }
     }
+}
+
+/// Steps to η = 1e-10 at reflectance ρ.
+fn steps_at(rho: f64, solver: &mut dyn Solver) -> u64 {
+    let enclosure = RandomEnclosure::new(300, 14).with_reflectance(rho);
+    let store = enclosure.dense();
+    let solution = solve(&enclosure.system(&store), solver, &StopRule::unshot(1e-10), &mut ()).unwrap();
+    assert_eq!(solution.outcome, Outcome::Converged, "{} at {rho}", solver.name());
+    solution.steps
+}
+
+/// The factor that is found while running is worth what Young's theory promises, √ of the number of sweeps: 125 for 1183.
+#[test]
+fn over_relaxation_finds_its_factor() {
+    let (plain, relaxed) =
+        (steps_at(0.99, &mut GaussSeidel::default()), steps_at(0.99, &mut OverRelaxation::default()));
+    assert!(relaxed < plain / 6, "{relaxed} sweeps for {plain}");
+    // A fixed factor of 1 is Gauss–Seidel.
+    assert_eq!(steps_at(0.9, &mut OverRelaxation::new(1.0)), steps_at(0.9, &mut GaussSeidel::default()));
+}
+
+/// |T_k(1/δ)|⁻¹ ≤ 2 σᵏ with σ = δ/(1 + √(1 − δ²)) reaches 1e-10 · (E, 1/(1 − δ)) in ln(2e10/(1 − δ))/ln(1/σ) steps.
+#[test]
+fn chebyshev_needs_no_more_steps_than_its_interval_promises() {
+    for delta in [0.5_f64, 0.9, 0.99, 0.999] {
+        let sigma = delta / (1.0 + (1.0 - delta * delta).sqrt());
+        let promised = (2e10 / (1.0 - delta)).ln() / -sigma.ln();
+        let steps = steps_at(delta, &mut Chebyshev::default());
+        assert!((steps as f64) < promised + 2.0, "{steps} steps at ρ = {delta}, {promised} promised");
+    }
+}
+
+/// With the even mode gone the steps are those of the rest of the spectrum, whatever ρ.
+#[test]
+fn deflated_conjugate_gradients_do_not_feel_a_high_reflectance() {
+    let steps = [0.9, 0.999, 0.99999].map(|rho| steps_at(rho, &mut ConjugateGradient::deflated()));
+    assert!(steps.iter().all(|&s| s.abs_diff(steps[0]) <= 2), "{steps:?}");
+}
+
+/// GMRES and conjugate gradients of a symmetric system differ by the norm that falls, not by more than a few steps.
+#[test]
+fn gmres_restarts_without_losing_its_way() {
+    let enclosure = RandomEnclosure::new(300, 14).with_reflectance(0.99);
+    let store = unsymmetric(&enclosure);
+    let system = enclosure.system(&store);
+    let run = |solver: &mut dyn Solver| solve(&system, solver, &StopRule::unshot(1e-11), &mut ()).unwrap();
+    let (long, short) = (run(&mut Gmres::default()), run(&mut Gmres::default().restart(3)));
+    assert_eq!((long.outcome, short.outcome), (Outcome::Converged, Outcome::Converged));
+    assert!(long.steps <= short.steps && long.steps < 40, "{} and {}", long.steps, short.steps);
+}
+
+/// Light spread over a bright room: what is expected later is shot at once.
+#[test]
+fn overshooting_saves_shots_in_a_bright_room() {
+    let shots = |solver: &mut dyn Solver| {
+        let enclosure = RandomEnclosure::new(300, 15).with_reflectance(0.9);
+        let store = enclosure.dense();
+        solve(&enclosure.system(&store), solver, &StopRule::unshot(1e-3), &mut ()).unwrap().steps
+    };
+    let (plain, over) = (shots(&mut Shooting::default()), shots(&mut Shooting::overshooting()));
+    assert!(4 * over < 3 * plain, "{over} shots for {plain}");
 }

@@ -13,6 +13,7 @@
 //! small entries).
 
 mod dense;
+mod dot;
 mod on_demand;
 mod packed;
 mod sparse;
@@ -147,16 +148,12 @@ fn check_memory(sources: usize, targets: usize, needed: u64, limit: Option<u64>)
     }
 }
 
-/// Sets y_s = `dot(s, x)` in all bands, rows in parallel over fixed pieces.
-///
-/// The bands of a row come one after another: the row is read from memory for the first and, up to 10⁵ entries, from
-/// the cache for the others.
-fn by_rows(x: Bands<'_>, mut y: BandsMut<'_>, dot: impl Fn(usize, &[f64]) -> f64 + Sync) {
+/// Sets y_s in all bands to the sums that `dots(s, sums)` fills in, rows in parallel over fixed pieces.
+fn by_rows(mut y: BandsMut<'_>, dots: impl Fn(usize, &mut [f64]) + Sync) {
     let (bands, len) = (y.count(), y.len());
-    let apply = |s: usize, sums: &mut [f64]| sums.iter_mut().enumerate().for_each(|(b, y)| *y = dot(s, x.band(b)));
     let fill = |sums: &mut [f64]| {
         sums.par_chunks_mut(PIECE * bands).enumerate().for_each(|(k, piece)| {
-            piece.chunks_exact_mut(bands).enumerate().for_each(|(l, sums)| apply(k * PIECE + l, sums));
+            piece.chunks_exact_mut(bands).enumerate().for_each(|(l, sums)| dots(k * PIECE + l, sums));
         });
     };
     match bands {

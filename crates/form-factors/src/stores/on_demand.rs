@@ -81,7 +81,7 @@ impl FormFactors for OnDemand<'_> {
 
     fn properties(&self) -> Properties {
         let stored_bytes = 8 * self.targets() as u64 * self.rows_held() as u64;
-        Properties { symmetric: self.rows.symmetric(), per_band: false, stored_bytes }
+        Properties { symmetric: self.rows.symmetric(), per_band: false, stored_bytes, rounding: 0.0 }
     }
 
     fn row<'b>(&'b self, s: usize, _band: usize, buf: &'b mut RowBuf) -> Result<Row<'b>, StoreError> {

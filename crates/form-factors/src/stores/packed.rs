@@ -90,7 +90,7 @@ impl<T: Entry> PackedFormFactors<T> {
         // Zeros that the system hands out untouched: each page is first written by who fills it.
         let mut values = vec![T::default(); layout.entries() + LINE / size_of::<T>()];
         let first = values.as_ptr().align_offset(LINE).min(LINE / size_of::<T>());
-        let (mut total, mut bounds) = (Cost::default(), Vec::with_capacity(n));
+        let (mut total, mut bounds, mut largest) = (Cost::default(), Vec::with_capacity(n), 0.0_f64);
         let mut band = vec![0.0; ROWS_AT_ONCE.min(n) * n];
         let mut rest = &mut values[first..];
         for i in 0..layout.blocks() {
@@ -103,15 +103,16 @@ impl<T: Entry> PackedFormFactors<T> {
             for from in (0..layout.height(i)).step_by(ROWS_AT_ONCE) {
                 let count = ROWS_AT_ONCE.min(layout.height(i) - from);
                 let s_0 = i * TILE + from;
-                let spent: Vec<Result<(Cost, f64), StoreError>> = band[..count * n]
+                let spent: Vec<Result<(Cost, f64, f64), StoreError>> = band[..count * n]
                     .par_chunks_mut(n)
                     .enumerate()
                     .map(|(r, values)| upper_row::<T>(rows, s_0 + r, values))
                     .collect();
                 // In order, so that the first fault is the same on any number of threads.
                 for row in spent {
-                    let (cost, bound) = row?;
+                    let (cost, bound, most) = row?;
                     total += cost;
+                    largest = largest.max(most);
                     // Entry (s, t < s) was computed in row t and has that row's bound.
                     bounds.push(bounds.last().map_or(bound, |last: &f64| bound.max(*last)));
                 }
@@ -126,6 +127,9 @@ impl<T: Entry> PackedFormFactors<T> {
                 });
             }
             mirror(tiles[0], layout.side(i));
+        }
+        if largest > 0.0 && largest < T::LEAST {
+            return Err(StoreError::Underflow { store: T::NAME, largest, least: T::LEAST });
         }
         Ok((Self { layout, values, first, bounds, scratch: Mutex::default() }, total))
     }
@@ -201,8 +205,8 @@ impl<T: Entry> PackedFormFactors<T> {
     }
 }
 
-/// Row s from the diagonal on, with its cost and the bound of what will be kept of it.
-fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+/// Row s from the diagonal on, with its cost, the bound of what will be kept of it, and its largest value.
+fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<(Cost, f64, f64), StoreError> {
     let (cost, bound) = rows.upper_row(s, values)?;
     check_row(s, s, values)?;
     let mut rounding = 0.0_f64;
@@ -213,7 +217,7 @@ fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<
         }
         rounding = rounding.max((kept - value).abs());
     }
-    Ok((cost, bound + rounding))
+    Ok((cost, bound + rounding, values[s..].iter().copied().fold(0.0, f64::max)))
 }
 
 /// Copies what lies right of the diagonal of a tile to the other side.
@@ -239,7 +243,12 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
     }
 
     fn properties(&self) -> Properties {
-        Properties { symmetric: true, per_band: false, stored_bytes: Self::bytes(self.layout.n()) }
+        Properties {
+            symmetric: true,
+            per_band: false,
+            stored_bytes: Self::bytes(self.layout.n()),
+            rounding: T::ROUNDING,
+        }
     }
 
     fn row<'a>(&'a self, s: usize, _band: usize, buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {

@@ -6,7 +6,7 @@ use radiosity_core::{
 use rayon::prelude::*;
 use sprs::CsMatI;
 
-use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, scale_row};
+use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, dot, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
@@ -182,7 +182,7 @@ impl FormFactors for SparseFormFactors {
 
     fn properties(&self) -> Properties {
         let stored_bytes = bytes(self.sources(), self.values.nnz());
-        Properties { symmetric: self.symmetric, per_band: false, stored_bytes }
+        Properties { symmetric: self.symmetric, per_band: false, stored_bytes, rounding: 0.0 }
     }
 
     fn row<'a>(&'a self, s: usize, _band: usize, _buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
@@ -192,9 +192,9 @@ impl FormFactors for SparseFormFactors {
 
     fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         assert_lengths("gather", (self.targets(), self.sources()), x, &y);
-        by_rows(x, y, |s, x| {
+        by_rows(y, |s, sums| {
             let (targets, values) = self.slices(s);
-            dot(targets, values, x)
+            dot::sparse(targets, values, x, sums);
         });
         Ok(Cost::applied(self.values.nnz(), 12, x.count()))
     }
@@ -223,19 +223,6 @@ impl Held for SparseFormFactors {
             rest = after;
         }
     }
-}
-
-/// Σ values · x over the targets named, in four running sums.
-fn dot(targets: &[u32], values: &[f64], x: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let whole = values.len() / 4 * 4;
-    for (v, t) in values[..whole].chunks_exact(4).zip(targets[..whole].chunks_exact(4)) {
-        for l in 0..4 {
-            sums[l] += v[l] * x[t[l] as usize];
-        }
-    }
-    let tail = values[whole..].iter().zip(&targets[whole..]);
-    sums.iter().sum::<f64>() + tail.map(|(v, &t)| v * x[t as usize]).sum::<f64>()
 }
 
 #[cfg(test)]

@@ -97,6 +97,10 @@ impl Layout {
 pub trait Entry: Copy + Default + Pod + Send + Sync + Into<f64> + 'static {
     /// Name of the store, for tables.
     const NAME: &'static str;
+    /// Largest relative rounding of a value that is kept.
+    const ROUNDING: f64;
+    /// A table whose largest value is smaller would lose most of the others.
+    const LEAST: f64;
 
     /// One vector's worth of entries as they are stored.
     #[doc(hidden)]
@@ -112,6 +116,8 @@ pub trait Entry: Copy + Default + Pod + Send + Sync + Into<f64> + 'static {
 
 impl Entry for f64 {
     const NAME: &'static str = "packed";
+    const ROUNDING: f64 = 0.0;
+    const LEAST: f64 = 0.0;
 
     type Chunk<L: Lanes> = L::f64s;
 
@@ -127,6 +133,9 @@ impl Entry for f64 {
 
 impl Entry for f32 {
     const NAME: &'static str = "packed-f32";
+    const ROUNDING: f64 = 0.5 * f32::EPSILON as f64;
+    // Values down to 1e-8 of it keep all 24 bits.
+    const LEAST: f64 = 1e8 * f32::MIN_POSITIVE as f64;
 
     type Chunk<L: Lanes> = L::Singles;
 

@@ -1,0 +1,204 @@
+//! Every method, store and precision on systems that are stiff or extreme.
+//!
+//! Question: which method can be trusted when light hardly fades, rooms hardly touch, or numbers leave their usual range?
+//! Theory: stationary methods need 1/(1 − μ) sweeps, over-relaxation and Chebyshev their square root, Krylov methods as many products
+//! as there are slow modes; rounding reaches the answer as ε/(1 − ρ), and single-precision entries as 6·10⁻⁸/(1 − ρ). Row sums
+//! above 1/ρ leave no answer that means anything. Measured on the gallery's stiff systems of up to about 100 elements; error
+//! against elimination in twice the working precision, η asked 1e-10. Read: an error must lie under its bound, and a run that did not
+//! converge must say so. Not shown: times on large systems (experiment 04).
+
+use std::error::Error;
+
+use radiosity_core::{Direction, Forecast, FormFactors, Outcome, Solution, StopRule, System, solve};
+use radiosity_experiments::{Context, Experiment, Profile, Record, SeriesOfRows, Tables, group_by};
+use radiosity_form_factors::stores::{DenseFormFactors, PackedFormFactors, SparseFormFactors};
+use radiosity_gallery::{StiffCase, stiff};
+use radiosity_plot::{Axis, Figure, Panel, Series};
+use radiosity_solvers::{NAMES, by_name};
+
+use crate::common::counts;
+
+/// The experiment.
+pub struct Stability;
+
+const UNSHOT: f64 = 1e-10;
+/// Errors below this are drawn at it: what remains is rounding.
+const FLOOR: f64 = 1e-17;
+
+fn steps(profile: Profile) -> u64 {
+    profile.pick(200, 3_000, 30_000)
+}
+
+/// The stores of a case, or why one cannot be had.
+fn stores(case: &StiffCase) -> Vec<(&'static str, Result<Box<dyn FormFactors>, String>)> {
+    fn boxed<S: FormFactors + 'static, C, E: ToString>(
+        built: Result<(S, C), E>,
+    ) -> Result<Box<dyn FormFactors>, String> {
+        built.map(|(store, _)| Box::new(store) as Box<dyn FormFactors>).map_err(|error| error.to_string())
+    }
+    let rows = &case.enclosure;
+    vec![
+        ("dense", boxed(DenseFormFactors::assemble(rows))),
+        ("sparse", boxed(SparseFormFactors::assemble(rows))),
+        ("packed", boxed(PackedFormFactors::<f64>::assemble(rows))),
+        ("packed-f32", boxed(PackedFormFactors::<f32>::assemble(rows))),
+    ]
+}
+
+/// Σ A|B − exact| over Σ A E; 0 if there is no difference.
+fn error(system: &System<'_>, solution: &Solution, exact: &[f64]) -> f64 {
+    let apart = solution.radiosity.values().iter().zip(exact).zip(system.areas());
+    let error: f64 = apart.map(|((b, exact), a)| a * (b - exact).abs()).sum();
+    if error == 0.0 { 0.0 } else { error / system.power(system.emission().band(0)) }
+}
+
+/// A real number where there is one.
+fn known(record: Record, column: &str, value: Option<f64>) -> Record {
+    match value {
+        Some(value) if value.is_finite() => record.float(column, value),
+        _ => record,
+    }
+}
+
+impl Experiment for Stability {
+    fn name(&self) -> &'static str {
+        "06-stability"
+    }
+
+    fn question(&self) -> &str {
+        "Which method can be trusted when light hardly fades, rooms hardly touch, or numbers leave their usual range?"
+    }
+
+    fn expects(&self) -> &str {
+        "Stationary methods need 1/(1 − μ) sweeps, over-relaxation and Chebyshev the square root of that, Krylov methods as many products \
+         as there are slow modes. No error lies above its bound. Where row sums times ρ exceed 1, everything but a minimal residual \
+         stops and says so."
+    }
+
+    fn settings(&self, profile: Profile) -> serde_json::Value {
+        serde_json::json!({ "unshot": UNSHOT, "steps": steps(profile) })
+    }
+
+    fn slack(&self, column: &str) -> f64 {
+        // What is left of an error at rounding level, and of its bound, differs between instruction sets.
+        match column {
+            "error" | "bound" | "sharp_bound" | "backward_error" | "unshot" => 1e-8,
+            _ => 0.0,
+        }
+    }
+
+    fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
+        let (cases, limit) = (stiff(), steps(context.profile()));
+        context.begin(cases.len());
+        for case in &cases {
+            let exact = case.exact().ok_or_else(|| format!("{} is singular", case.name))?;
+            for (name, store) in stores(case) {
+                let store = match store {
+                    Ok(store) => store,
+                    Err(reason) => {
+                        let refused = Record::new(format!("{}/{name}", case.name)).text("case", &case.name);
+                        context.record(refused.text("store", name).text("outcome", "refused").text("reason", reason));
+                        continue;
+                    }
+                };
+                let system = case.enclosure.system(&*store);
+                let (forecast, _) = Forecast::new(&system, Direction::Gather, 12)?;
+                for solver in NAMES {
+                    let mut method = by_name(solver).expect("a name from the list of names");
+                    let solution = solve(&system, &mut *method, &StopRule::unshot(UNSHOT).steps(limit), &mut ())?;
+                    let certificate = solution.certificate.expect("runs are verified");
+                    let error = error(&system, &solution, &exact);
+                    let bounds = [certificate.bound, certificate.sharp_bound];
+                    let held = bounds.into_iter().flatten().all(|bound| error <= bound);
+                    let record = Record::new(format!("{}/{name}/{solver}", case.name))
+                        .text("case", &case.name)
+                        .text("store", name)
+                        .text("solver", solver)
+                        .text("outcome", solution.outcome)
+                        .int("steps", solution.steps)
+                        .float("error", error)
+                        .text(
+                            "bound_held",
+                            if bounds == [None, None] {
+                                "no bound"
+                            } else if held {
+                                "yes"
+                            } else {
+                                "NO"
+                            },
+                        )
+                        .float("backward_error", certificate.backward_error)
+                        .float("contraction", certificate.contraction)
+                        .float("radius_low", forecast.radius.0)
+                        .float("radius_high", forecast.radius.1);
+                    let record = known(record, "unshot", Some(solution.unshot));
+                    let record = known(record, "bound", certificate.bound);
+                    let record = known(record, "sharp_bound", certificate.sharp_bound);
+                    let record = known(record, "forecast_steps", forecast.steps(solver, UNSHOT).map(|steps| steps.1));
+                    context.record(counts(record, &solution.cost).seconds("time", solution.time.as_secs_f64()));
+                }
+            }
+            context.tick(case.name.clone());
+        }
+        Ok(())
+    }
+
+    fn plots(&self, tables: &Tables) -> Vec<Figure> {
+        let passes = |family: &'static str| {
+            let rows = tables.select(|r| r.text("store") == "dense" && r.text("case").starts_with(family));
+            let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
+                Series::new(&*solver, &*solver).rows(rows, |r| {
+                    let rho: f64 =
+                        r.text("case").rsplit(' ').next().and_then(|rho| rho.parse().ok()).unwrap_or(f64::NAN);
+                    (1.0 / (1.0 - rho), r.number("steps"))
+                })
+            });
+            Panel::new(Axis::log("1/(1 − ρ)", ""), Axis::log("steps to η = 10⁻¹⁰", "")).title(family).all_series(series)
+        };
+        let bounds = |store: &'static str| {
+            let rows = tables.select(|r| r.text("store") == store && r.text("sharp_bound") != "");
+            let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
+                Series::new(&*solver, &*solver)
+                    .rows(rows, |r| (r.number("error").max(FLOOR), r.number("sharp_bound").max(FLOOR)))
+                    .scatter()
+            });
+            let axes = (Axis::log("true error", "share of the emitted power"), Axis::log("bound", ""));
+            Panel::new(axes.0, axes.1).title(store).all_series(series)
+        };
+        vec![
+            Figure::new("steps-reflectance", "Steps against 1/(1 − ρ) in a closed room and in a duct")
+                .caption("A step is a sweep or a product; of shooting it is one row. Hollow marks were stopped at the step limit.")
+                .panel(passes("room"))
+                .panel(passes("duct"))
+                .shared_y(),
+            Figure::new("bounds", "The bound against the true error, all cases")
+                .caption("A mark below the diagonal would be an error above its bound. In single precision the rounding of the entries is part of both.")
+                .panel(bounds("dense"))
+                .panel(bounds("packed-f32"))
+                .shared_y(),
+        ]
+    }
+
+    fn reading(&self, tables: &Tables) -> Vec<String> {
+        let runs = tables.select(|r| r.text("outcome") != "refused");
+        let broken = runs.iter().filter(|r| r.text("bound_held") == "NO").count();
+        let bounded = runs.iter().filter(|r| r.text("bound_held") != "no bound").count();
+        let converged = |solver: &str| {
+            let of = tables.select(|r| r.text("solver") == solver && r.text("store") == "dense");
+            let done = of.iter().filter(|r| r.text("outcome") == Outcome::Converged.to_string()).count();
+            format!("{solver} {done}")
+        };
+        let cases = tables.select(|r| r.text("solver") == "direct" && r.text("store") == "dense").len();
+        let refused = tables.select(|r| r.text("outcome") == "refused").len();
+        vec![
+            format!(
+                "Of {} runs {bounded} have a bound, and in {broken} of them the error lies above it; {refused} stores refused a case.",
+                runs.len()
+            ),
+            format!(
+                "Cases of {cases} solved to η = 10⁻¹⁰ within the step limit, double precision: {}.",
+                NAMES.map(converged).join(", ")
+            ),
+        ]
+    }
+}
