@@ -284,7 +284,7 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
-    /// Solver: direct, jacobi, gauss-seidel, cg or shooting.
+    /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting or overshooting.
     #[arg(long, value_name = "NAME")]
     pub solver: Option<String>,
     /// Unshot share of the emitted power at which the solver stops.

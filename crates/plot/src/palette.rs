@@ -38,7 +38,7 @@ pub struct Style {
 }
 
 /// Groups whose members meet in one figure.
-const GROUPS: [&[(&str, Rgb, Marker)]; 4] = [
+const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
     // Solvers.
     &[
         ("jacobi", [0x00, 0x72, 0xb2], Marker::Circle),
@@ -50,6 +50,12 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 4] = [
         ("chebyshev", [0x56, 0xb4, 0xe9], Marker::Star),
         ("gmres", [0x88, 0x22, 0x55], Marker::Plus),
     ],
+    // Variants of solvers, which share the marker of what they vary.
+    &[
+        ("direct-f32", [0x44, 0x00, 0xff], Marker::Triangle),
+        ("deflated-cg", [0x99, 0xcc, 0x77], Marker::Diamond),
+        ("overshooting", [0x77, 0x33, 0x11], Marker::Wedge),
+    ],
     // Estimators of form factors.
     &[
         ("analytic", [0x00, 0x44, 0x88], Marker::Circle),
@@ -58,6 +64,8 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 4] = [
         ("rays+emitters", [0x66, 0xcc, 0xee], Marker::Wedge),
         ("stochastic", [0x44, 0xaa, 0x99], Marker::Diamond),
         ("hierarchical", [0x88, 0x22, 0x55], Marker::Star),
+        ("analytic, segments", [0x77, 0x00, 0xee], Marker::Pentagon),
+        ("ray-cast, adaptive", [0x99, 0x44, 0x00], Marker::Plus),
     ],
     // Forms of substructuring.
     &[
@@ -71,6 +79,8 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 4] = [
         ("dense", [0x1b, 0x4f, 0x72], Marker::Circle),
         ("sparse", [0xe0, 0x8a, 0x3c], Marker::Square),
         ("on-demand", [0xa0, 0x5f, 0xc0], Marker::Triangle),
+        ("packed", [0x2e, 0x8b, 0x57], Marker::Diamond),
+        ("packed-f32", [0xb2, 0x22, 0x22], Marker::Wedge),
     ],
 ];
 

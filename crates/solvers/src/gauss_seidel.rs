@@ -108,9 +108,6 @@ pub(crate) struct Sweeps {
     changed: Vec<f64>,
 }
 
-/// Forms that a sweep reads.
-pub(crate) const FORMS: &[Form] = &[Form::Full, Form::ElementsToPatches];
-
 impl Sweeps {
     /// Sweeps of a system.
     pub fn new(system: &System<'_>) -> Self {
@@ -157,7 +154,8 @@ impl Solver for GaussSeidel {
     }
 
     fn needs(&self) -> Needs {
-        Needs { forms: FORMS, direction: Direction::Gather, symmetric: false }
+        let forms = &[Form::Full, Form::ElementsToPatches];
+        Needs { forms, direction: Direction::Gather, symmetric: false }
     }
 
     fn start(&mut self, system: &System<'_>, from: Option<Bands<'_>>) -> Result<(Iterate, Cost), StoreError> {

@@ -6,7 +6,7 @@
 //! | `direct-f32` | [`Direct::single`] | as `direct`, factors in single precision | full | no |
 //! | `jacobi` | [`Jacobi`] | one product a step | all | no |
 //! | `gauss-seidel` | [`GaussSeidel`] | one sweep a step | full, elements → patches | no |
-//! | `sor` | [`OverRelaxation`] | one sweep a step | full, elements → patches | no |
+//! | `sor` | [`OverRelaxation`] | one sweep a step | full | no |
 //! | `chebyshev` | [`Chebyshev`] | one product a step | full | yes |
 //! | `cg` | [`ConjugateGradient`] | one product a step | full | yes |
 //! | `deflated-cg` | [`ConjugateGradient::deflated`] | one product a step | full | yes |

@@ -1,8 +1,8 @@
 //! Successive over-relaxation: Gauss–Seidel that goes further than it is told.
 
-use radiosity_core::{Bands, Cost, Direction, Iterate, Needs, Progress, Solver, StoreError, System};
+use radiosity_core::{Bands, Cost, Direction, Form, Iterate, Needs, Progress, Solver, StoreError, System};
 
-use crate::gauss_seidel::{FORMS, Sweeps};
+use crate::gauss_seidel::Sweeps;
 
 /// Successive over-relaxation, with a factor given or found while it runs.
 ///
@@ -24,7 +24,8 @@ use crate::gauss_seidel::{FORMS, Sweeps};
 /// and again whenever changes fall more slowly than that promises. ρF is not consistently ordered, so this is a guess; in closed
 /// rooms it comes within a factor of two of the best number of sweeps.
 ///
-/// - *Reads*: every row once a step, gathering; the full form and elements → patches.
+/// - *Reads*: every row once a step, gathering; the full form. (From elements to patches a block of elements moves at once, and a
+///   factor above 1 need not converge.)
 /// - *Convergence*: for 0 < ω < 2 on symmetric positive definite systems; sweeps grow like 1/√(1 − ρ) where Gauss–Seidel's grow like
 ///   1/(1 − ρ). Below ρ = 0.5 there is nothing to gain.
 /// - *Residual*: none at hand; a step claims the change of Gauss–Seidel, and the loop verifies it.
@@ -91,7 +92,7 @@ impl Solver for OverRelaxation {
     }
 
     fn needs(&self) -> Needs {
-        Needs { forms: FORMS, direction: Direction::Gather, symmetric: false }
+        Needs { forms: &[Form::Full], direction: Direction::Gather, symmetric: false }
     }
 
     fn start(&mut self, system: &System<'_>, from: Option<Bands<'_>>) -> Result<(Iterate, Cost), StoreError> {
