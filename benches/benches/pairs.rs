@@ -12,7 +12,8 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use radiosity_benches::{SEED, empty_cube, geometry};
-use radiosity_form_factors::analytic::{Analytic, Level};
+use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::level::Level;
 use radiosity_form_factors::stores::{DenseFormFactors, PackedFormFactors};
 use radiosity_form_factors::{PairwiseRows, Rows};
 use rayon::prelude::*;

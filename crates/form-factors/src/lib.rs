@@ -8,6 +8,8 @@ pub mod analytic;
 pub mod checks;
 pub mod emitters;
 pub mod hemicube;
+#[doc(hidden)]
+pub mod level;
 pub mod point;
 pub mod ray_cast;
 pub mod repair;

@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DVec3};
 use radiosity_core::Cost;
-use radiosity_form_factors::analytic::{Analytic, FacetBlocks, Level};
+use radiosity_form_factors::analytic::{Analytic, FacetBlocks};
+use radiosity_form_factors::level::Level;
 use radiosity_form_factors::{Estimate, Pairwise, PairwiseRows, Rows, Run};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;

@@ -10,9 +10,7 @@
 //! be taken one by one.
 
 use glam::DVec3;
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::{V3, V4};
-use pulp::{Scalar, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
@@ -21,54 +19,12 @@ use super::lanes::{BLOCK, Eight, Lane, Load};
 use super::pair::rounding;
 use super::patch::{Patch, set_lane};
 use super::pose::{MAX_EVALUATIONS, Pose, ROUNDING};
+use crate::level::Level;
 
 /// Blocks that one task lays out.
 const PIECE: usize = 64;
 /// Base of the number that stands for a set of orders: more than the largest order.
 const BASE: f64 = 16.0;
-
-/// The instruction set that kernels of pairs use.
-#[doc(hidden)]
-#[derive(Clone, Copy, Debug)]
-pub enum Level {
-    /// AVX-512: 8 pairs a register.
-    #[cfg(target_arch = "x86_64")]
-    Avx512(V4),
-    /// AVX2 and FMA: 4 pairs.
-    #[cfg(target_arch = "x86_64")]
-    Avx2(V3),
-    /// What every processor has: one pair after another (without fused products, which would be calls).
-    Plain,
-}
-
-impl Level {
-    /// The best of this machine.
-    pub fn best() -> Self {
-        Self::all()[0]
-    }
-
-    /// All that this machine has, best first.
-    pub fn all() -> Vec<Self> {
-        let mut levels = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            levels.extend(V4::try_new().map(Self::Avx512));
-            levels.extend(V3::try_new().map(Self::Avx2));
-        }
-        levels.push(Self::Plain);
-        levels
-    }
-
-    fn dispatch<W: WithSimd>(self, work: W) -> W::Output {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx512(simd) => Simd::vectorize(simd, work),
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2(simd) => Simd::vectorize(simd, work),
-            Self::Plain => work.with_simd(Scalar::new()),
-        }
-    }
-}
 
 /// Facets laid out for estimators that take several pairs at a time.
 #[derive(Clone, Debug)]

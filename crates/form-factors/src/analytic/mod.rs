@@ -46,11 +46,12 @@ use std::sync::Arc;
 use radiosity_core::Cost;
 use radiosity_geometry::{Facets, Occluders, Polygon};
 
-pub use blocks::{FacetBlocks, Level};
+pub use blocks::FacetBlocks;
 pub use closed_forms::{opposed_rectangles, perpendicular_rectangles};
 pub use differential::differential;
 pub use unoccluded::unoccluded;
 
+use crate::level::Level;
 use crate::{Estimate, Pairwise, Run};
 use area_quadrature::Bounded;
 use blocks::{AWAY, Source};

@@ -8,9 +8,10 @@ use radiosity_core::{
 };
 use rayon::prelude::*;
 
-use super::tiles::{Entry, Half, Layout, Level, Pass, STRIP, TILE, place};
+use super::tiles::{Entry, Half, Layout, Pass, STRIP, TILE, place, run};
 use super::{Held, assert_factors, assert_lengths, check_memory, check_row};
 use crate::Rows;
+use crate::level::Level;
 
 /// Exchange areas A_s F_st = A_t F_ts of all pairs s ≤ t, in double or single precision (`T` is `f64` or `f32`).
 ///
@@ -173,17 +174,20 @@ impl<T: Entry> PackedFormFactors<T> {
                 if range.contains(&place) {
                     let (s_0, t_0) = (i * TILE, j * TILE);
                     sums.fill(0.0);
-                    level.run(Pass {
-                        // A tile on the diagonal is whole: its rows are both halves.
-                        half: if i == j { Half::Rows } else { Half::Both },
-                        bands,
-                        rows: self.tile(i, j),
-                        width: layout.side(j),
-                        x_t: (&x[t_0..], stride),
-                        x_s: (&x[s_0..], stride),
-                        sums: (&mut sums, TILE),
-                        y_t: (&mut y[t_0..], stride),
-                    });
+                    run(
+                        level,
+                        Pass {
+                            // A tile on the diagonal is whole: its rows are both halves.
+                            half: if i == j { Half::Rows } else { Half::Both },
+                            bands,
+                            rows: self.tile(i, j),
+                            width: layout.side(j),
+                            x_t: (&x[t_0..], stride),
+                            x_s: (&x[s_0..], stride),
+                            sums: (&mut sums, TILE),
+                            y_t: (&mut y[t_0..], stride),
+                        },
+                    );
                     for (y, sums) in y[s_0..].chunks_mut(stride).zip(sums.chunks_exact(TILE)) {
                         y.iter_mut().zip(&sums[..layout.height(i)]).for_each(|(y, sum)| *y += sum);
                     }
@@ -330,16 +334,19 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
                     masked[range.clone()].fill(0.0);
                 }
                 let mut beside = vec![0.0; bands * BLOCK];
-                level.run(Pass {
-                    half: Half::Rows,
-                    bands,
-                    rows: &diagonal[range.start * width..range.end.next_multiple_of(STRIP) * width],
-                    width,
-                    x_t: (&masked, TILE),
-                    x_s: (&[], 0),
-                    sums: (&mut beside, BLOCK),
-                    y_t: (&mut [], 0),
-                });
+                run(
+                    level,
+                    Pass {
+                        half: Half::Rows,
+                        bands,
+                        rows: &diagonal[range.start * width..range.end.next_multiple_of(STRIP) * width],
+                        width,
+                        x_t: (&masked, TILE),
+                        x_s: (&[], 0),
+                        sums: (&mut beside, BLOCK),
+                        y_t: (&mut [], 0),
+                    },
+                );
                 let mut sums = BandValues::zeros(bands, range.len());
                 for b in 0..bands {
                     for (r, sum) in range.clone().zip(sums.band_mut(b)) {
@@ -358,16 +365,19 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
             }
             // The new values of these rows, to the columns that come later.
             above.par_chunks_mut(bands * TILE).enumerate().skip(i + 1).for_each(|(j, y_t)| {
-                level.run(Pass {
-                    half: Half::Columns,
-                    bands,
-                    rows: self.tile(i, j),
-                    width: layout.side(j),
-                    x_t: (&[], 0),
-                    x_s: (&newest[s_0..], stride),
-                    sums: (&mut [], 0),
-                    y_t: (y_t, TILE),
-                });
+                run(
+                    level,
+                    Pass {
+                        half: Half::Columns,
+                        bands,
+                        rows: self.tile(i, j),
+                        width: layout.side(j),
+                        x_t: (&[], 0),
+                        x_s: (&newest[s_0..], stride),
+                        sums: (&mut [], 0),
+                        y_t: (y_t, TILE),
+                    },
+                );
             });
         }
         Ok(self.applied(bands))
@@ -424,16 +434,19 @@ impl<T: Entry> PackedFormFactors<T> {
             let rows = k * ROWS_OF_TASK..((k + 1) * ROWS_OF_TASK).min(layout.side(i));
             for j in i + 1..layout.blocks() {
                 let width = layout.side(j);
-                level.run(Pass {
-                    half: Half::Rows,
-                    bands,
-                    rows: &self.tile(i, j)[rows.start * width..rows.end * width],
-                    width,
-                    x_t: (&x[j * TILE..], stride),
-                    x_s: (&[], 0),
-                    sums: (&mut *sums, ROWS_OF_TASK),
-                    y_t: (&mut [], 0),
-                });
+                run(
+                    level,
+                    Pass {
+                        half: Half::Rows,
+                        bands,
+                        rows: &self.tile(i, j)[rows.start * width..rows.end * width],
+                        width,
+                        x_t: (&x[j * TILE..], stride),
+                        x_s: (&[], 0),
+                        sums: (&mut *sums, ROWS_OF_TASK),
+                        y_t: (&mut [], 0),
+                    },
+                );
             }
         });
         sums

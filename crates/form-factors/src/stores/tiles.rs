@@ -10,6 +10,8 @@ use pulp::bytemuck::{Pod, cast_slice};
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, Scalar256b, Simd};
 
+use crate::level::Level;
+
 /// Rows and columns of a whole tile: 256 KB in single and 512 KB in double precision, so that a tile stays in a second-level
 /// cache between groups of bands.
 pub(super) const TILE: usize = 256;
@@ -192,43 +194,14 @@ impl Lanes for Scalar256b {
     }
 }
 
-/// The instruction set that this machine has.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Level {
-    #[cfg(target_arch = "x86_64")]
-    Avx512(V4),
-    #[cfg(target_arch = "x86_64")]
-    Avx2(V3),
-    Plain,
-}
-
-impl Level {
-    /// The best of this machine.
-    pub fn best() -> Self {
-        Self::all()[0]
-    }
-
-    /// All that this machine has, best first.
-    pub fn all() -> Vec<Self> {
-        let mut levels = Vec::new();
+/// Runs a pass on an instruction set.
+pub(super) fn run<T: Entry>(level: Level, pass: Pass<'_, T>) {
+    match level {
         #[cfg(target_arch = "x86_64")]
-        {
-            levels.extend(V4::try_new().map(Self::Avx512));
-            levels.extend(V3::try_new().map(Self::Avx2));
-        }
-        levels.push(Self::Plain);
-        levels
-    }
-
-    /// Runs a pass.
-    pub fn run<T: Entry>(self, pass: Pass<'_, T>) {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx512(simd) => simd.vectorize(On { simd, pass }),
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2(simd) => simd.vectorize(On { simd, pass }),
-            Self::Plain => On { simd: Scalar256b, pass }.call(),
-        }
+        Level::Avx512(simd) => simd.vectorize(On { simd, pass }),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(simd) => simd.vectorize(On { simd, pass }),
+        Level::Plain => On { simd: Scalar256b, pass }.call(),
     }
 }
 
@@ -426,16 +399,19 @@ mod tests {
             for bands in [1, 2, 3, 4, 7] {
                 for half in [Half::Rows, Half::Columns, Half::Both] {
                     let (mut sums, mut y) = (vec![1.0; bands * height], vec![2.0; bands * stride]);
-                    level.run(Pass {
-                        half,
-                        bands,
-                        rows: &rows,
-                        width,
-                        x_t: (&x, stride),
-                        x_s: (&x[1..], stride),
-                        sums: (&mut sums, height),
-                        y_t: (&mut y, stride),
-                    });
+                    run(
+                        level,
+                        Pass {
+                            half,
+                            bands,
+                            rows: &rows,
+                            width,
+                            x_t: (&x, stride),
+                            x_s: (&x[1..], stride),
+                            sums: (&mut sums, height),
+                            y_t: (&mut y, stride),
+                        },
+                    );
                     let v = |s: usize, t: usize| -> f64 { rows[place(width, s, t)].into() };
                     for b in 0..bands {
                         for s in 0..height {
