@@ -29,11 +29,12 @@ fn steps(profile: Profile) -> u64 {
     profile.pick(200, 3_000, 30_000)
 }
 
-/// The stores of a case, or why one cannot be had.
-fn stores(case: &StiffCase) -> Vec<(&'static str, Result<Box<dyn FormFactors>, String>)> {
-    fn boxed<S: FormFactors + 'static, C, E: ToString>(
-        built: Result<(S, C), E>,
-    ) -> Result<Box<dyn FormFactors>, String> {
+/// A store, or why it cannot be had.
+type Built = Result<Box<dyn FormFactors>, String>;
+
+/// The stores of a case.
+fn stores(case: &StiffCase) -> Vec<(&'static str, Built)> {
+    fn boxed<S: FormFactors + 'static, C, E: ToString>(built: Result<(S, C), E>) -> Built {
         built.map(|(store, _)| Box::new(store) as Box<dyn FormFactors>).map_err(|error| error.to_string())
     }
     let rows = &case.enclosure;
@@ -162,7 +163,7 @@ impl Experiment for Stability {
             Panel::new(Axis::log("1/(1 − ρ)", ""), Axis::log("steps to η = 10⁻¹⁰", "")).title(family).all_series(series)
         };
         let bounds = |store: &'static str| {
-            let rows = tables.select(|r| r.text("store") == store && r.text("sharp_bound") != "");
+            let rows = tables.select(|r| r.text("store") == store && !r.text("sharp_bound").is_empty());
             let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
                 Series::new(&*solver, &*solver)
                     .rows(rows, |r| (r.number("error").max(FLOOR), r.number("sharp_bound").max(FLOOR)))
