@@ -17,7 +17,7 @@
 //!
 //! Rows take separated pairs of triangles and quadrilaterals several at a time ([`FacetBlocks`]) and all others one by one,
 //! by the same bound. The bound is about 7 times the error in the median between the cells of a cube, and the worst error
-//! about a quarter of the tolerance: a tolerance of 3.5e-9 gives errors of at most 1e-9.
+//! a quarter to a half of the tolerance: asked for 3.5e-9, 16 × 16 cells a face err by at most 1.3e-9 and 24 × 24 by 0.9e-9.
 //!
 //! What is *not* here: patches that are not flat, surfaces other than polygons, and a proven
 //! bound for partly blocked pairs.
