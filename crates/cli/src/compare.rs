@@ -144,7 +144,7 @@ fn compared_json(compared: &Compared<'_>) -> Value {
             });
             object["stored_bytes"] = json!(m.run.stored_bytes);
             object["unshot"] = json!(solution.unshot);
-            object["bound"] = json!(solution.bound);
+            object["bound"] = json!(solution.bound());
             object["errors"] = json!({
                 "solver": m.solver_error, "form_factors": m.form_factor_error, "mesh": m.mesh_error,
                 "total": output::error(&m.error),

@@ -121,12 +121,20 @@ pub struct Solution {
     pub time: Duration,
     /// η of the final residual (as recomputed, if verified); NaN if not known.
     pub unshot: f64,
-    /// q of the worst band; `None` if not verified.
-    pub contraction: Option<f64>,
-    /// Bound of Σ A|B* − B| / Σ A E over all bands, rounding added; `None` if q ≥ 1 or not verified.
-    pub bound: Option<f64>,
     /// All that the final residual says; `None` if not verified.
     pub certificate: Option<Certificate>,
+}
+
+impl Solution {
+    /// q of the worst band; `None` if not verified.
+    pub fn contraction(&self) -> Option<f64> {
+        self.certificate.map(|certificate| certificate.contraction)
+    }
+
+    /// Bound of Σ A|B* − B| / Σ A E over all bands, rounding added; `None` if q ≥ 1 or not verified.
+    pub fn bound(&self) -> Option<f64> {
+        self.certificate.and_then(|certificate| certificate.bound)
+    }
 }
 
 /// Growth of η over its first value at which a run counts as not contracting, however short; slower growth counts if
@@ -333,18 +341,5 @@ fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending
         verification += spent;
         certificate = Some(found);
     }
-    let (contraction, bound) = (certificate.map(|c| c.contraction), certificate.and_then(|c| c.bound));
-    Ok(Solution {
-        radiosity,
-        irradiance,
-        outcome,
-        steps,
-        cost,
-        verification,
-        time,
-        unshot,
-        contraction,
-        bound,
-        certificate,
-    })
+    Ok(Solution { radiosity, irradiance, outcome, steps, cost, verification, time, unshot, certificate })
 }

@@ -98,7 +98,7 @@ fn the_room_of_two_elements_has_the_answer_found_by_hand() {
     for (h, wanted) in solution.irradiance.values().iter().zip([1.2, 2.4]) {
         assert!((h - wanted).abs() < 1e-14, "{h}");
     }
-    assert_eq!(solution.contraction, Some(0.5));
+    assert_eq!(solution.contraction(), Some(0.5));
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn the_bound_holds_after_every_number_of_steps_and_is_sharp_within_a_factor_thre
         let solution = solve(&system, &mut { SERIES }, &stop, &mut ()).unwrap();
         let b = solution.radiosity.values();
         let error = ((b[0] - 3.6).abs() + 2.0 * (b[1] - 1.2).abs()) / 3.0;
-        let bound = solution.bound.unwrap();
+        let bound = solution.bound().unwrap();
         assert!(error <= bound && bound <= 3.0 * error + 1e-13, "{steps} steps: {error:e} {bound:e}");
     }
 }
@@ -206,7 +206,7 @@ fn every_way_to_end_is_told_apart() {
         let store = pair(scale);
         let growing = system(&store, &[3.0, 0.1], &[0.99, 0.99]);
         let solution = end(&growing, StopRule::unshot(1e-9), &mut ());
-        assert_eq!((solution.outcome, solution.bound), (Outcome::NotContracting, None), "{scale}");
+        assert_eq!((solution.outcome, solution.bound()), (Outcome::NotContracting, None), "{scale}");
         assert!(solution.steps <= steps, "{} steps at {scale}", solution.steps);
     }
     let broken = Rows { values: vec![0.0, f64::NAN, 1.0, 1.0], targets: 2, symmetric: false };
@@ -246,7 +246,7 @@ fn without_verification_irradiance_is_what_was_reflected() {
     let system = system(&store, &[3.0, 0.0], &[0.5, 0.0]);
     let stop = StopRule::unshot(1e-12).unverified();
     let solution = solve(&system, &mut { SERIES }, &stop, &mut ()).unwrap();
-    assert_eq!((solution.verification, solution.bound), (Cost::default(), None));
+    assert_eq!((solution.verification, solution.bound()), (Cost::default(), None));
     // Nothing comes back from the black element; where ρ = 0 the method knows no H.
     assert_eq!(solution.irradiance.values()[0], 0.0);
     assert!(solution.irradiance.values()[1].is_nan());

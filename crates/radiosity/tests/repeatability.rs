@@ -24,7 +24,7 @@ fn bytes(run: &Run<'_>) -> Bytes {
     Bytes {
         radiosity: bits(s.radiosity.values()),
         irradiance: bits(s.irradiance.values()),
-        scalars: [s.unshot, s.contraction.unwrap_or(-1.0), s.bound.unwrap_or(-1.0)].map(f64::to_bits),
+        scalars: [s.unshot, s.contraction().unwrap_or(-1.0), s.bound().unwrap_or(-1.0)].map(f64::to_bits),
         costs: [run.form_factors.cost, s.cost, s.verification],
         steps: s.steps,
         stored_bytes: run.stored_bytes,

@@ -42,7 +42,7 @@ fn all_methods_agree_on_a_random_enclosure_and_their_error_is_within_the_bound()
             assert_eq!(solution.outcome, Outcome::Converged, "{}", solver.name());
             let error: Vec<f64> = solution.radiosity.values().iter().zip(wanted.values()).map(|(b, w)| b - w).collect();
             let error = norm(&system, &error) / system.power(&enclosure.emission);
-            let bound = solution.bound.unwrap();
+            let bound = solution.bound().unwrap();
             assert!(error <= bound, "{} on {}: error {error:e}, bound {bound:e}", solver.name(), store.name());
             // q ≤ 0.9 makes of η = 1e-6 a bound of 9e-6.
             assert!(bound < 1e-5, "{}: {bound:e}", solver.name());
@@ -285,16 +285,16 @@ fn a_system_that_does_not_contract_is_told_apart() {
     for name in ["jacobi", "gauss-seidel", "sor", "shooting", "overshooting"] {
         let solution = run(&mut *by_name(name).unwrap());
         assert_eq!(solution.outcome, Outcome::NotContracting, "{name}");
-        assert!(solution.bound.is_none() && solution.contraction.unwrap() > 1.0);
+        assert!(solution.bound().is_none() && solution.contraction().unwrap() > 1.0);
     }
     // Not positive definite: the factorisation and the curvature say so.
     let cholesky = run(&mut Direct::default());
-    assert_eq!((cholesky.outcome, cholesky.bound), (Outcome::Breakdown, None));
+    assert_eq!((cholesky.outcome, cholesky.bound()), (Outcome::Breakdown, None));
     assert_eq!(run(&mut ConjugateGradient::default()).outcome, Outcome::Breakdown);
     assert_eq!(run(&mut ConjugateGradient::deflated()).outcome, Outcome::Breakdown);
     // Beyond its interval the polynomial grows slowly at first, and not in every step.
     let chebyshev = run(&mut Chebyshev::default());
-    assert!(matches!(chebyshev.outcome, Outcome::NotContracting | Outcome::Stagnated) && chebyshev.bound.is_none());
+    assert!(matches!(chebyshev.outcome, Outcome::NotContracting | Outcome::Stagnated) && chebyshev.bound().is_none());
     // A minimal residual needs no contraction: the system has an answer, if no meaning.
     assert_eq!(run(&mut Gmres::default()).outcome, Outcome::Converged);
     // Row sums 2 % above one do no harm at ρ = 0.9.
