@@ -8,7 +8,7 @@ use radiosity_core::{
 };
 use rayon::prelude::*;
 
-use super::tiles::{Entry, Half, Layout, Pass, STRIP, TILE, place, run};
+use super::tiles::{Entry, Half, LINE, Layout, Pass, STRIP, TILE, place, run};
 use super::{Held, assert_factors, assert_lengths, check_memory, check_row};
 use crate::Rows;
 use crate::level::Level;
@@ -60,8 +60,6 @@ const BLOCK: usize = 64;
 const ROWS_OF_TASK: usize = 16;
 /// Most partial sums of a product.
 const MOST_PARTIALS: usize = 32;
-/// A cache line, in bytes.
-const LINE: usize = 64;
 
 impl<T: Entry> PackedFormFactors<T> {
     /// Computes all rows from the diagonal on and keeps them, in parallel over rows.
@@ -158,15 +156,15 @@ impl<T: Entry> PackedFormFactors<T> {
 
     /// x with room for the padding of the last tile.
     fn padded(&self, x: Bands<'_>) -> Vec<f64> {
-        let stride = self.layout.padded();
+        let stride = self.layout.stride();
         let mut padded = vec![0.0; x.count() * stride];
         padded.chunks_mut(stride).enumerate().for_each(|(b, values)| values[..x.len()].copy_from_slice(x.band(b)));
         padded
     }
 
-    /// Adds the products of the tiles in `range` of their order to y, in which a band has the padded length.
+    /// Adds the products of the tiles in `range` of their order to y, in which bands lie as far apart as in x.
     fn apply(&self, level: Level, range: Range<usize>, x: &[f64], y: &mut [f64], bands: usize) {
-        let (layout, stride) = (&self.layout, self.layout.padded());
+        let (layout, stride) = (&self.layout, self.layout.stride());
         let mut sums = vec![0.0; bands * TILE];
         let mut place = 0;
         for i in 0..layout.blocks() {
@@ -277,7 +275,7 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
         if n == 0 {
             return Ok(Cost::default());
         }
-        let (level, stride, padded) = (Level::best(), layout.padded(), self.padded(x));
+        let (level, stride, padded) = (Level::best(), layout.stride(), self.padded(x));
         let partials = (layout.tiles() / 2).clamp(1, MOST_PARTIALS);
         let share = |k: usize| k * layout.tiles() / partials..(k + 1) * layout.tiles() / partials;
         // A partial sum begins where the first of its tiles does.
@@ -317,7 +315,7 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
         if n == 0 {
             return Ok(Cost::default());
         }
-        let (level, stride) = (Level::best(), layout.padded());
+        let (level, stride) = (Level::best(), layout.stride());
         let mut newest = self.padded(x.view());
         // What the tiles above have brought to the columns, one tile column after another.
         let mut above = vec![0.0; layout.blocks() * bands * TILE];
@@ -428,7 +426,7 @@ impl<T: Entry> Held for PackedFormFactors<T> {
 impl<T: Entry> PackedFormFactors<T> {
     /// Σ_t v_st x_t over the tiles right of the diagonal tile of row I: for each task's rows, band after band.
     fn right_of_diagonal(&self, level: Level, i: usize, x: &[f64], bands: usize) -> Vec<f64> {
-        let (layout, stride) = (&self.layout, self.layout.padded());
+        let (layout, stride) = (&self.layout, self.layout.stride());
         let mut sums = vec![0.0; layout.height(i).div_ceil(ROWS_OF_TASK) * bands * ROWS_OF_TASK];
         sums.par_chunks_mut(bands * ROWS_OF_TASK).enumerate().for_each(|(k, sums)| {
             let rows = k * ROWS_OF_TASK..((k + 1) * ROWS_OF_TASK).min(layout.side(i));

@@ -23,6 +23,16 @@ const LANES: usize = 8;
 /// what the prefetchers of the machine follow. Rows that lay one after another made single-precision products about 2 × slower.
 pub(super) const STRIP: usize = 4;
 
+/// A cache line, in bytes.
+pub(super) const LINE: usize = 64;
+
+/// Values in a page of memory: caches place by the address within it.
+const PAGE: usize = 512;
+
+/// Bytes by which a pass asks for entries ahead of those it works on. The machine's own prefetchers stop where a page ends, which is
+/// where every strip of single-precision entries does; with three bands this gains a quarter.
+const AHEAD: usize = 8192;
+
 /// Place of entry (r, t) in a tile whose rows have `width` entries.
 pub(super) fn place(width: usize, r: usize, t: usize) -> usize {
     (r / STRIP * width + t / LANES * LANES) * STRIP + r % STRIP * LANES + t % LANES
@@ -54,9 +64,10 @@ impl Layout {
         self.n
     }
 
-    /// n padded as the rows of tiles are.
-    pub fn padded(&self) -> usize {
-        self.n.next_multiple_of(LANES)
+    /// Values from one band of a vector to the next: n, room for the padding of the last tile, and a third of a page, so that the bands
+    /// of x and y do not fall on the same places of a first-level cache (three bands took 1.4 × as long when they did).
+    pub fn stride(&self) -> usize {
+        self.n.next_multiple_of(PAGE) + PAGE / 3 / LANES * LANES
     }
 
     /// Rows of tiles.
@@ -160,6 +171,15 @@ pub trait Lanes: Simd {
 
     /// The values as doubles.
     fn widen(self, singles: Self::Singles) -> Self::f64s;
+
+    /// The sums of R vectors, each over its lanes.
+    #[inline(always)]
+    fn reduce<const R: usize>(self, vectors: [Self::f64s; R]) -> [f64; R] {
+        vectors.map(|v| self.reduce_sum_f64s(v))
+    }
+
+    /// Asks for the cache line at an address, if the machine can be asked; the address need not be valid.
+    fn prefetch<T>(self, _address: *const T) {}
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -171,6 +191,34 @@ impl Lanes for V4 {
     fn widen(self, singles: [f32; 8]) -> Self::f64s {
         pulp::cast(self.avx512f._mm512_cvtps_pd(pulp::cast(singles)))
     }
+
+    /// Four vectors together, by halves: 12 instructions instead of 28 at the end of every row.
+    #[inline(always)]
+    fn reduce<const R: usize>(self, vectors: [Self::f64s; R]) -> [f64; R] {
+        let mut sums = [0.0; R];
+        for (sums, v) in sums.chunks_mut(4).zip(vectors.chunks(4)) {
+            if let [a, b, c, d] = *v {
+                let (f, [a, b, c, d]) = (self.avx512f, [a, b, c, d].map(pulp::cast));
+                let ab = f._mm512_add_pd(f._mm512_unpacklo_pd(a, b), f._mm512_unpackhi_pd(a, b));
+                let cd = f._mm512_add_pd(f._mm512_unpacklo_pd(c, d), f._mm512_unpackhi_pd(c, d));
+                let quarters = f._mm512_add_pd(
+                    f._mm512_shuffle_f64x2::<0b10_00_10_00>(ab, cd),
+                    f._mm512_shuffle_f64x2::<0b11_01_11_01>(ab, cd),
+                );
+                let halves = f._mm512_add_pd(quarters, f._mm512_shuffle_f64x2::<0b11_11_01_01>(quarters, quarters));
+                let whole: [f64; 8] = pulp::cast(f._mm512_shuffle_f64x2::<0b10_00_10_00>(halves, halves));
+                sums.copy_from_slice(&whole[..4]);
+            } else {
+                sums.iter_mut().zip(v).for_each(|(sum, v)| *sum = self.reduce_sum_f64s(*v));
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, address: *const T) {
+        self.sse._mm_prefetch::<3>(address.cast());
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -181,6 +229,11 @@ impl Lanes for V3 {
     #[inline(always)]
     fn widen(self, singles: [f32; 4]) -> Self::f64s {
         pulp::cast(self.avx._mm256_cvtps_pd(pulp::cast(singles)))
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, address: *const T) {
+        self.sse._mm_prefetch::<3>(address.cast());
     }
 }
 
@@ -349,6 +402,9 @@ impl<L: Lanes, const B: usize> Strips<'_, L, B> {
         }
         let mut sums = [[zero; R]; B];
         for (group, entries) in entries.chunks_exact(STRIP * per).enumerate() {
+            for line in (0..size_of_val(entries)).step_by(LINE) {
+                simd.prefetch(entries.as_ptr().wrapping_byte_add(AHEAD + line));
+            }
             for part in 0..per {
                 let c = group * per + part;
                 let mut v = [zero; R];
@@ -373,10 +429,9 @@ impl<L: Lanes, const B: usize> Strips<'_, L, B> {
             }
         }
         if ROWS {
-            for (b, sums) in sums.iter().enumerate() {
-                for (k, &sum) in sums.iter().enumerate() {
-                    self.sums.0[(self.band + b) * self.sums.1 + r + FROM + k] += simd.reduce_sum_f64s(sum);
-                }
+            for (b, sums) in sums.into_iter().enumerate() {
+                let at = (self.band + b) * self.sums.1 + r + FROM;
+                self.sums.0[at..at + R].iter_mut().zip(simd.reduce(sums)).for_each(|(y, sum)| *y += sum);
             }
         }
     }
@@ -439,7 +494,7 @@ mod tests {
     #[test]
     fn tiles_follow_each_other_by_rows_of_tiles() {
         let layout = Layout::new(600);
-        assert_eq!((layout.blocks(), layout.tiles(), layout.padded()), (3, 6, 600));
+        assert_eq!((layout.blocks(), layout.tiles(), layout.stride()), (3, 6, 1024 + 168));
         let order: Vec<usize> =
             (0..3).flat_map(|i| (i..3).map(move |j| (i, j))).map(|(i, j)| layout.index(i, j)).collect();
         assert_eq!(order, [0, 1, 2, 3, 4, 5]);
