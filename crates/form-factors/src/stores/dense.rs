@@ -1,5 +1,7 @@
 //! Every exchange area in one matrix.
 
+use std::ops::Range;
+
 use faer::MatRef;
 use radiosity_core::{
     BandValues, Bands, BandsMut, Block, Cost, Entries, FormFactors, Properties, Relax, Row, RowBuf, StoreError,
@@ -7,7 +9,7 @@ use radiosity_core::{
 };
 use rayon::prelude::*;
 
-use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, dot, scale_row};
+use super::{Held, assert_factors, assert_lengths, by_pieces, check_memory, check_row, dot, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st of all pairs, 8 bytes each (columns of the matrix padded to 64 bytes).
@@ -161,6 +163,10 @@ impl DenseFormFactors {
     fn slice(&self, s: usize) -> &[f64] {
         self.table.row(s)
     }
+
+    fn slices(&self, rows: Range<usize>) -> Vec<&[f64]> {
+        rows.map(|s| self.slice(s)).collect()
+    }
 }
 
 /// True, or a panic: symmetry is only claimed of square tables.
@@ -277,7 +283,7 @@ impl FormFactors for DenseFormFactors {
 
     fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         assert_lengths("gather", (self.targets(), self.sources()), x, &y);
-        by_rows(y, |s, sums| dot::dense(self.slice(s), x, 0, sums));
+        by_pieces(y, |rows, sums| dot::dense(&self.slices(rows), x, 0, sums));
         Ok(Cost::applied(self.sources() * self.targets(), 8, x.count()))
     }
 
@@ -300,12 +306,20 @@ impl FormFactors for DenseFormFactors {
             // Both sides of the block; the part in between is copied while it is in the cache.
             let mut right = vec![0.0; bands * len];
             let mut left = vec![0.0; bands * len];
-            let rows = inside.par_chunks_mut(len).zip(left.par_chunks_mut(bands)).zip(right.par_chunks_mut(bands));
-            rows.with_min_len(ROWS_OF_TASK).enumerate().for_each(|(k, ((inside, left), right))| {
-                let row = self.slice(begin + k);
-                dot::dense(&row[..begin], view, 0, left);
-                dot::dense(&row[range.end..], view, range.end, right);
-                inside.copy_from_slice(&row[range.clone()]);
+            let tasks = inside
+                .par_chunks_mut(ROWS_OF_TASK * len)
+                .zip(left.par_chunks_mut(ROWS_OF_TASK * bands))
+                .zip(right.par_chunks_mut(ROWS_OF_TASK * bands));
+            tasks.enumerate().for_each(|(k, ((inside, left), right))| {
+                let first = begin + k * ROWS_OF_TASK;
+                let rows = self.slices(first..first + inside.len() / len);
+                let part = |part: Range<usize>| rows.iter().map(|row| &row[part.clone()]).collect::<Vec<_>>();
+                dot::dense(&part(0..begin), view, 0, left);
+                dot::dense(&part(range.end..n), view, range.end, right);
+                inside
+                    .chunks_exact_mut(len)
+                    .zip(part(range.clone()))
+                    .for_each(|(inside, row)| inside.copy_from_slice(row));
             });
             for b in 0..bands {
                 let sums = left[b..].iter().step_by(bands).zip(right[b..].iter().step_by(bands));
@@ -317,7 +331,7 @@ impl FormFactors for DenseFormFactors {
     }
 }
 
-/// Rows of a block of a sweep that one task sums at least.
+/// Rows of a block of a sweep that one task sums.
 const ROWS_OF_TASK: usize = 8;
 
 impl Held for DenseFormFactors {

@@ -1,15 +1,19 @@
 //! Products of one row with several bands, at the speed of memory.
 //!
-//! A row is read once for up to three bands, with four sums a band, so that neither the latency of an addition nor a second reading holds
-//! it back. The instruction set is chosen at run time by `pulp`; the order of additions depends on it and on nothing else, so a band
-//! alone has the bytes that it has among others.
+//! Rows are read once for up to three bands, and up to four of them together, so that neither the latency of an addition nor the
+//! reading of x holds them back: three bands of x are three times what a row is, and come from a second-level cache. The
+//! instruction set is chosen at run time by `pulp`; the order of additions depends on it and on nothing else, so a row and a band
+//! alone have the bytes that they have among others.
 
-use pulp::{Arch, Simd, WithSimd};
 use radiosity_core::Bands;
 
-/// sums_b = Σ_t row_t x_bt over the targets from `first` on, one for each band.
-pub(super) fn dense(row: &[f64], x: Bands<'_>, first: usize, sums: &mut [f64]) {
-    Arch::new().dispatch(Dense { row, x, first, sums });
+use super::lanes::{Lanes, Work, run};
+use crate::level::Level;
+
+/// sums_sb = Σ_t row_st x_bt over the targets from `first` on, the bands of one of the `rows` (all of one length) after another.
+pub(super) fn dense(rows: &[&[f64]], x: Bands<'_>, first: usize, sums: &mut [f64]) {
+    assert_eq!(sums.len(), rows.len() * x.count(), "a sum for every row and band");
+    run(Level::best(), Dense { rows, x, first, sums });
 }
 
 /// sums_b = Σ_k values_k x_b,targets_k, one for each band.
@@ -25,75 +29,101 @@ pub(super) fn sparse(targets: &[u32], values: &[f64], x: Bands<'_>, sums: &mut [
 }
 
 struct Dense<'a> {
-    row: &'a [f64],
+    rows: &'a [&'a [f64]],
     x: Bands<'a>,
     first: usize,
     sums: &'a mut [f64],
 }
 
-impl WithSimd for Dense<'_> {
-    type Output = ();
-
+impl Work for Dense<'_> {
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let mut band = 0;
-        while band < self.sums.len() {
-            // As many bands at once as leave a register for every sum.
-            band += match self.sums.len() - band {
-                1 => dense_group::<S, 1>(simd, self.row, self.x, self.first, band, self.sums),
-                2 | 4 => dense_group::<S, 2>(simd, self.row, self.x, self.first, band, self.sums),
-                _ => dense_group::<S, 3>(simd, self.row, self.x, self.first, band, self.sums),
-            };
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { mut rows, x, first, mut sums } = self;
+        let bands = x.count();
+        while !rows.is_empty() {
+            let together = if rows.len() < L::ROWS { 1 } else { L::ROWS };
+            let (now, later) = rows.split_at(together);
+            let (sums_now, sums_later) = sums.split_at_mut(together * bands);
+            match *now {
+                [a, b, c, d] => rows_of(lanes, [a, b, c, d], x, first, sums_now),
+                [a, b] => rows_of(lanes, [a, b], x, first, sums_now),
+                _ => rows_of(lanes, [now[0]], x, first, sums_now),
+            }
+            (rows, sums) = (later, sums_later);
         }
     }
 }
 
-/// Running sums of a band.
-const SUMS: usize = 4;
+/// Every band of R rows.
+#[inline(always)]
+fn rows_of<L: Lanes, const R: usize>(lanes: L, rows: [&[f64]; R], x: Bands<'_>, first: usize, sums: &mut [f64]) {
+    let mut band = 0;
+    while band < x.count() {
+        // As many bands at once as leave a register for every sum.
+        band += match x.count() - band {
+            1 => dense_group::<L, R, 1>(lanes, rows, x, first, band, sums),
+            2 | 4 => dense_group::<L, R, 2>(lanes, rows, x, first, band, sums),
+            _ => dense_group::<L, R, 3>(lanes, rows, x, first, band, sums),
+        };
+    }
+}
+
+/// Running sums of a row and band.
+const SUMS: usize = 2;
 
 #[inline(always)]
-fn dense_group<S: Simd, const B: usize>(
-    simd: S,
-    row: &[f64],
+fn dense_group<L: Lanes, const R: usize, const B: usize>(
+    lanes: L,
+    rows: [&[f64]; R],
     x: Bands<'_>,
     first: usize,
     band: usize,
     sums: &mut [f64],
 ) -> usize {
-    let x: [&[f64]; B] = std::array::from_fn(|b| &x.band(band + b)[first..first + row.len()]);
-    let (vectors, rest) = S::as_simd_f64s(row);
-    let x_vectors: [&[S::f64s]; B] = x.map(|x| S::as_simd_f64s(x).0);
-    let mut running = [[simd.splat_f64s(0.0); SUMS]; B];
-    let whole = vectors.len() / SUMS * SUMS;
-    for (k, v) in vectors[..whole].chunks_exact(SUMS).enumerate() {
-        let at = k * SUMS;
-        for (running, x) in running.iter_mut().zip(&x_vectors) {
-            let x = &x[at..at + SUMS];
-            for l in 0..SUMS {
-                running[l] = simd.mul_add_e_f64s(v[l], x[l], running[l]);
+    let len = rows[0].len();
+    let x_rest: [&[f64]; B] = std::array::from_fn(|b| &x.band(band + b)[first..first + len]);
+    let vectors: [&[L::f64s]; R] = rows.map(|row| L::as_simd_f64s(&row[..len]).0);
+    let whole = vectors[0].len() / SUMS * SUMS;
+    let x_vectors: [&[L::f64s]; B] = x_rest.map(|x| &L::as_simd_f64s(x).0[..vectors[0].len()]);
+    let mut running = [[[lanes.splat_f64s(0.0); SUMS]; B]; R];
+    for k in (0..whole).step_by(SUMS) {
+        for l in 0..SUMS {
+            let x: [L::f64s; B] = std::array::from_fn(|b| x_vectors[b][k + l]);
+            for (running, row) in running.iter_mut().zip(&vectors) {
+                let v = row[k + l];
+                for (running, x) in running.iter_mut().zip(x) {
+                    running[l] = lanes.mul_add_e_f64s(v, x, running[l]);
+                }
             }
         }
     }
-    for (k, v) in vectors.iter().enumerate().skip(whole) {
-        for (running, x) in running.iter_mut().zip(&x_vectors) {
-            running[0] = simd.mul_add_e_f64s(*v, x[k], running[0]);
+    for k in whole..vectors[0].len() {
+        for (running, row) in running.iter_mut().zip(&vectors) {
+            for (running, x) in running.iter_mut().zip(&x_vectors) {
+                running[0] = lanes.mul_add_e_f64s(row[k], x[k], running[0]);
+            }
         }
     }
-    for (b, running) in running.into_iter().enumerate() {
-        let pairs = (simd.add_f64s(running[0], running[1]), simd.add_f64s(running[2], running[3]));
-        let tail: f64 = rest.iter().zip(&x[b][row.len() - rest.len()..]).map(|(v, x)| v * x).sum();
-        sums[band + b] = simd.reduce_sum_f64s(simd.add_f64s(pairs.0, pairs.1)) + tail;
+    let done = vectors[0].len() * L::F64_LANES;
+    for (s, running) in running.into_iter().enumerate() {
+        for (b, running) in running.into_iter().enumerate() {
+            let tail: f64 = rows[s][done..].iter().zip(&x_rest[b][done..]).map(|(v, x)| v * x).sum();
+            sums[s * x.count() + band + b] = lanes.reduce_sum_f64s(lanes.add_f64s(running[0], running[1])) + tail;
+        }
     }
     B
 }
 
+/// Running sums of a listed row and band.
+const LISTED_SUMS: usize = 4;
+
 fn sparse_group<const B: usize>(targets: &[u32], values: &[f64], x: Bands<'_>, band: usize, sums: &mut [f64]) -> usize {
     let x: [&[f64]; B] = std::array::from_fn(|b| x.band(band + b));
-    let mut running = [[0.0; SUMS]; B];
-    let whole = values.len() / SUMS * SUMS;
-    for (t, v) in targets[..whole].chunks_exact(SUMS).zip(values.chunks_exact(SUMS)) {
+    let mut running = [[0.0; LISTED_SUMS]; B];
+    let whole = values.len() / LISTED_SUMS * LISTED_SUMS;
+    for (t, v) in targets[..whole].chunks_exact(LISTED_SUMS).zip(values.chunks_exact(LISTED_SUMS)) {
         for (running, x) in running.iter_mut().zip(&x) {
-            for l in 0..SUMS {
+            for l in 0..LISTED_SUMS {
                 running[l] += v[l] * x[t[l] as usize];
             }
         }
@@ -120,7 +150,7 @@ mod tests {
             for bands in 1..=7 {
                 let x = values(bands, len.max(1) + 2);
                 let (mut plain, mut listed) = (vec![f64::NAN; bands], vec![f64::NAN; bands]);
-                dense(&row, x.view(), 2, &mut plain);
+                dense(&[&row], x.view(), 2, &mut plain);
                 sparse(&targets, &row, x.view(), &mut listed);
                 for b in 0..bands {
                     let along: f64 = (0..len).map(|t| row[t] * x.band(b)[t + 2]).sum();

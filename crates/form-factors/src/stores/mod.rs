@@ -14,10 +14,13 @@
 
 mod dense;
 mod dot;
+mod lanes;
 mod on_demand;
 mod packed;
 mod sparse;
 mod tiles;
+
+use std::ops::Range;
 
 use radiosity_core::{Bands, BandsMut, Cost, FormFactors, RowBuf, StoreError};
 use rayon::prelude::*;
@@ -149,11 +152,17 @@ fn check_memory(sources: usize, targets: usize, needed: u64, limit: Option<u64>)
 }
 
 /// Sets y_s in all bands to the sums that `dots(s, sums)` fills in, rows in parallel over fixed pieces.
-fn by_rows(mut y: BandsMut<'_>, dots: impl Fn(usize, &mut [f64]) + Sync) {
+fn by_rows(y: BandsMut<'_>, dots: impl Fn(usize, &mut [f64]) + Sync) {
+    let bands = y.count();
+    by_pieces(y, |rows, sums| rows.zip(sums.chunks_exact_mut(bands)).for_each(|(s, sums)| dots(s, sums)));
+}
+
+/// Sets y in all bands to what `dots(rows, sums)` fills in, in parallel over pieces of at most [`PIECE`] rows: sums of one row after another.
+fn by_pieces(mut y: BandsMut<'_>, dots: impl Fn(Range<usize>, &mut [f64]) + Sync) {
     let (bands, len) = (y.count(), y.len());
     let fill = |sums: &mut [f64]| {
         sums.par_chunks_mut(PIECE * bands).enumerate().for_each(|(k, piece)| {
-            piece.chunks_exact_mut(bands).enumerate().for_each(|(l, sums)| dots(k * PIECE + l, sums));
+            dots(k * PIECE..k * PIECE + piece.len() / bands, piece);
         });
     };
     match bands {

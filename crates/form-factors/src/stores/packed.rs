@@ -8,7 +8,8 @@ use radiosity_core::{
 };
 use rayon::prelude::*;
 
-use super::tiles::{Entry, Half, LINE, Layout, Pass, STRIP, TILE, place, run};
+use super::lanes::run;
+use super::tiles::{Entry, Half, LANES, LINE, Layout, Pass, STRIP, TILE, place};
 use super::{Held, assert_factors, assert_lengths, check_memory, check_row};
 use crate::Rows;
 use crate::level::Level;
@@ -222,6 +223,14 @@ fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<
     Ok((cost, bound + rounding, values[s..].iter().copied().fold(0.0, f64::max)))
 }
 
+/// Appends entries of row r of a tile, from a column on at which a vector begins.
+fn copy_row<T: Entry>(tile: &[T], width: usize, r: usize, columns: Range<usize>, row: &mut Vec<f64>) {
+    for t in columns.clone().step_by(LANES) {
+        let begin = place(width, r, t);
+        row.extend(tile[begin..begin + LANES.min(columns.end - t)].iter().map(|&value| -> f64 { value.into() }));
+    }
+}
+
 /// Copies what lies right of the diagonal of a tile to the other side.
 fn mirror<T: Copy>(tile: &mut [T], width: usize) {
     for r in 0..width {
@@ -264,7 +273,7 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
         }
         for j in i..layout.blocks() {
             let (tile, width) = (self.tile(i, j), layout.side(j));
-            buf.values.extend((0..layout.height(j)).map(|t| -> f64 { tile[place(width, r, t)].into() }));
+            copy_row(tile, width, r, 0..layout.height(j), &mut buf.values);
         }
         Ok(Row { entries: Entries::Dense(&buf.values), cost: Cost::default() })
     }
@@ -319,6 +328,7 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
         let mut newest = self.padded(x.view());
         // What the tiles above have brought to the columns, one tile column after another.
         let mut above = vec![0.0; layout.blocks() * bands * TILE];
+        let mut inside = Vec::with_capacity(BLOCK * BLOCK);
         for i in 0..layout.blocks() {
             let (height, width, s_0, diagonal) = (layout.height(i), layout.side(i), i * TILE, self.tile(i, i));
             let right = self.right_of_diagonal(level, i, &newest, bands);
@@ -353,8 +363,8 @@ impl<T: Entry> FormFactors for PackedFormFactors<T> {
                         *sum = beside[b * BLOCK + r - range.start] + above_i[b * TILE + r] + right;
                     }
                 }
-                let places = range.clone().flat_map(|r| range.clone().map(move |t| place(width, r, t)));
-                let inside: Vec<f64> = places.map(|k| diagonal[k].into()).collect();
+                inside.clear();
+                range.clone().for_each(|r| copy_row(diagonal, width, r, range.clone(), &mut inside));
                 let sources = s_0 + range.start..s_0 + range.end;
                 relax(&Block { range: sources.clone(), outside: sums.view(), inside: &inside }, x.reborrow());
                 for b in 0..bands {

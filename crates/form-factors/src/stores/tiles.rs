@@ -1,23 +1,18 @@
 //! Tiles of a packed store: their layout, and the one pass over a tile that every product is made of.
 //!
-//! The pass is compiled for AVX-512, for AVX2 with FMA and for neither, and chosen at run time (`pulp` holds the
-//! checks, so that nothing here is `unsafe`). Sums are in double precision whatever the tile holds: a single-precision
-//! entry is widened on its way to the multiplier. Each row has one running vector, and rows come in order, so the
+//! Sums are in double precision whatever the tile holds: a single-precision entry is widened on its way to the multiplier. Each row has one running vector, and rows come in order, so the
 //! bytes depend on the instruction set but not on how many bands or threads take part.
 
 use pulp::bytemuck::{Pod, cast_slice};
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::{V3, V4};
-use pulp::{NullaryFnOnce, Scalar256b, Simd};
 
-use crate::level::Level;
+use super::lanes::{Lanes, Work};
 
 /// Rows and columns of a whole tile: 256 KB in single and 512 KB in double precision, so that a tile stays in a second-level
 /// cache between groups of bands.
 pub(super) const TILE: usize = 256;
 
 /// Multiple to which the sides of a tile are padded: the widest vector, so that a pass has no tail.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 
 /// Rows that lie interleaved, 8 entries of each in turn: a pass takes as many rows at once and still reads one stream, which is
 /// what the prefetchers of the machine follow. Rows that lay one after another made single-precision products about 2 × slower.
@@ -162,102 +157,6 @@ impl Entry for f32 {
     }
 }
 
-/// An instruction set that can widen single precision.
-pub trait Lanes: Simd {
-    /// As many single-precision values as a vector holds doubles.
-    type Singles: Pod;
-    /// Rows taken together, 4 or 2: as many as their sums and multipliers of three bands leave registers for.
-    const ROWS: usize;
-
-    /// The values as doubles.
-    fn widen(self, singles: Self::Singles) -> Self::f64s;
-
-    /// The sums of R vectors, each over its lanes.
-    #[inline(always)]
-    fn reduce<const R: usize>(self, vectors: [Self::f64s; R]) -> [f64; R] {
-        vectors.map(|v| self.reduce_sum_f64s(v))
-    }
-
-    /// Asks for the cache line at an address, if the machine can be asked; the address need not be valid.
-    fn prefetch<T>(self, _address: *const T) {}
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Lanes for V4 {
-    type Singles = [f32; 8];
-    const ROWS: usize = 4;
-
-    #[inline(always)]
-    fn widen(self, singles: [f32; 8]) -> Self::f64s {
-        pulp::cast(self.avx512f._mm512_cvtps_pd(pulp::cast(singles)))
-    }
-
-    /// Four vectors together, by halves: 12 instructions instead of 28 at the end of every row.
-    #[inline(always)]
-    fn reduce<const R: usize>(self, vectors: [Self::f64s; R]) -> [f64; R] {
-        let mut sums = [0.0; R];
-        for (sums, v) in sums.chunks_mut(4).zip(vectors.chunks(4)) {
-            if let [a, b, c, d] = *v {
-                let (f, [a, b, c, d]) = (self.avx512f, [a, b, c, d].map(pulp::cast));
-                let ab = f._mm512_add_pd(f._mm512_unpacklo_pd(a, b), f._mm512_unpackhi_pd(a, b));
-                let cd = f._mm512_add_pd(f._mm512_unpacklo_pd(c, d), f._mm512_unpackhi_pd(c, d));
-                let quarters = f._mm512_add_pd(
-                    f._mm512_shuffle_f64x2::<0b10_00_10_00>(ab, cd),
-                    f._mm512_shuffle_f64x2::<0b11_01_11_01>(ab, cd),
-                );
-                let halves = f._mm512_add_pd(quarters, f._mm512_shuffle_f64x2::<0b11_11_01_01>(quarters, quarters));
-                let whole: [f64; 8] = pulp::cast(f._mm512_shuffle_f64x2::<0b10_00_10_00>(halves, halves));
-                sums.copy_from_slice(&whole[..4]);
-            } else {
-                sums.iter_mut().zip(v).for_each(|(sum, v)| *sum = self.reduce_sum_f64s(*v));
-            }
-        }
-        sums
-    }
-
-    #[inline(always)]
-    fn prefetch<T>(self, address: *const T) {
-        self.sse._mm_prefetch::<3>(address.cast());
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Lanes for V3 {
-    type Singles = [f32; 4];
-    const ROWS: usize = 2;
-
-    #[inline(always)]
-    fn widen(self, singles: [f32; 4]) -> Self::f64s {
-        pulp::cast(self.avx._mm256_cvtps_pd(pulp::cast(singles)))
-    }
-
-    #[inline(always)]
-    fn prefetch<T>(self, address: *const T) {
-        self.sse._mm_prefetch::<3>(address.cast());
-    }
-}
-
-impl Lanes for Scalar256b {
-    type Singles = [f32; 4];
-    const ROWS: usize = 2;
-
-    #[inline(always)]
-    fn widen(self, singles: [f32; 4]) -> Self::f64s {
-        pulp::cast(singles.map(f64::from))
-    }
-}
-
-/// Runs a pass on an instruction set.
-pub(super) fn run<T: Entry>(level: Level, pass: Pass<'_, T>) {
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512(simd) => simd.vectorize(On { simd, pass }),
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2(simd) => simd.vectorize(On { simd, pass }),
-        Level::Plain => On { simd: Scalar256b, pass }.call(),
-    }
-}
-
 /// Which sums a pass takes of a tile v.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Half {
@@ -286,30 +185,21 @@ pub(super) struct Pass<'a, T> {
     pub y_t: (&'a mut [f64], usize),
 }
 
-/// A pass with the instruction set it is compiled for.
-struct On<'a, L, T> {
-    simd: L,
-    pass: Pass<'a, T>,
-}
-
-impl<L: Lanes, T: Entry> NullaryFnOnce for On<'_, L, T> {
-    type Output = ();
-
+impl<T: Entry> Work for Pass<'_, T> {
     #[inline(always)]
-    fn call(self) {
-        let Self { simd, mut pass } = self;
+    fn run<L: Lanes>(mut self, simd: L) {
         let mut band = 0;
-        while band < pass.bands {
+        while band < self.bands {
             // As many bands at once as registers allow; what is left of the tile is in the cache for the others.
-            let group = match pass.bands - band {
+            let group = match self.bands - band {
                 1 => 1,
                 2 | 4 => 2,
                 _ => 3,
             };
             match group {
-                1 => group_of::<L, T, 1>(simd, &mut pass, band),
-                2 => group_of::<L, T, 2>(simd, &mut pass, band),
-                _ => group_of::<L, T, 3>(simd, &mut pass, band),
+                1 => group_of::<L, T, 1>(simd, &mut self, band),
+                2 => group_of::<L, T, 2>(simd, &mut self, band),
+                _ => group_of::<L, T, 3>(simd, &mut self, band),
             }
             band += group;
         }
@@ -439,7 +329,9 @@ impl<L: Lanes, const B: usize> Strips<'_, L, B> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::run;
     use super::*;
+    use crate::level::Level;
 
     /// 8 rows of 11 entries, padded to 16: two strips, and vectors with padding. Halves and small integers: sums
     /// are exact in any order, so every level gives the plain sums to the bit.
