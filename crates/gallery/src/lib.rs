@@ -8,16 +8,24 @@
 //! | [`boxes`] | closure; tabulated form factors | estimators |
 //! | [`ManufacturedRoom`] | B, H and E at every point | everything, interreflection included |
 //! | [`FloorUnderLight`] | H at every point of the floor | meshes and form factors |
+//! | [`Hinge`] | H at every point of one square | singular edges |
+//! | [`BlockedLight`] | H at every point of the floor | shadows from soft to hard |
+//! | [`crowded_room()`] | that nothing leaves | many blockers |
+//! | [`city()`] | areas | many facets of which most are hidden |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
 //! | [`conformance()`] | what any store must do | stores |
 //!
 //! What is *not* here: files, and answers that are only known from a finer run.
 
+mod blocked_light;
 pub mod boxes;
+mod city;
 mod conformance;
+mod crowded_room;
 mod double_double;
 mod floor_under_light;
 pub mod furnace;
+mod hinge;
 mod integrating_sphere;
 mod manufactured;
 pub mod quadrature;
@@ -25,8 +33,12 @@ mod random_enclosure;
 pub mod rectangles;
 mod stiff;
 
+pub use blocked_light::BlockedLight;
+pub use city::city;
 pub use conformance::conformance;
+pub use crowded_room::crowded_room;
 pub use floor_under_light::FloorUnderLight;
+pub use hinge::Hinge;
 pub use integrating_sphere::IntegratingSphere;
 pub use manufactured::ManufacturedRoom;
 pub use random_enclosure::RandomEnclosure;

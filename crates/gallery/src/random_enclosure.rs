@@ -23,7 +23,7 @@ pub struct RandomEnclosure {
 }
 
 /// The next of a sequence of numbers in [0, 1) (Steele, Lea and Flood's SplitMix, 2014).
-fn uniform(state: &mut u64) -> f64 {
+pub(crate) fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
