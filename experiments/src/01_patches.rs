@@ -20,7 +20,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 use radiosity_solvers::GaussSeidel;
 
-use crate::common::{GRID, cornell, cornell_truth, exponent, picture, picture_side, record, times};
+use crate::common::{GRID, cornell, cornell_truth, exponent, picture, picture_side, record, times, value};
 
 /// Points along an edge of a face where the exact scenes are compared.
 const POINTS: u32 = 128;
@@ -182,10 +182,6 @@ impl Experiment for Patches {
             ),
         ]
     }
-}
-
-fn value(row: &radiosity_experiments::Row<'_>, column: &str) -> f64 {
-    if column == "time" { row.seconds(column) } else { row.number(column) }
 }
 
 fn panel_of(tables: &Tables, scene: &str, column: &'static str, label: &str, unit: &str) -> Panel {

@@ -10,8 +10,8 @@
 
 use std::error::Error;
 
-use radiosity::{GridValues, Method, Shape, Store, Strategy, Yardstick};
-use radiosity_experiments::{Context, Experiment, Profile, Row, SeriesOfRows, Tables, group_by};
+use radiosity::{Method, Shape, Store, Strategy, Yardstick};
+use radiosity_experiments::{Context, Experiment, Profile, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::ManufacturedRoom;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
@@ -19,8 +19,8 @@ use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
-use crate::common::{GRID, cornell, cornell_truth, exponent, record, times};
-use crate::truth::Truth;
+use crate::common::{GRID, cornell, cornell_truth, exponent, record, times, value};
+use crate::truth::pairs_truth;
 
 /// The experiment.
 pub struct Substructuring;
@@ -110,7 +110,7 @@ impl Experiment for Substructuring {
             let truth = if case.name == "Cornell box" {
                 cornell_truth(context, &case.scene)?
             } else {
-                pairs_truth(&case.scene, profile.pick(8, 16, 32))?
+                pairs_truth(&case.scene, Subdivision::Uniform(profile.pick(8, 16, 32)), GRID)?
             };
             let reference_error = truth.error;
             let most_pairs = profile.pick(1 << 14, 1 << 17, 1 << 20);
@@ -209,20 +209,4 @@ impl Experiment for Substructuring {
         }
         reading
     }
-}
-
-/// The reference of a scene in which nothing blocks: analytic pairs on a fine mesh, against half as fine.
-fn pairs_truth(scene: &Scene, k: u32) -> Result<Truth, Box<dyn Error>> {
-    let grid = |k: u32| -> Result<GridValues, Box<dyn Error>> {
-        let method = Method::sampled(1e-8, 1);
-        let run = radiosity::run(scene, &Strategy::new(Subdivision::Uniform(k), method), &mut ())?;
-        Ok(GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?)
-    };
-    let fine = grid(k)?;
-    let error = grid(k / 2)?.error(&fine).rms;
-    Ok(Truth { grid: fine, error })
-}
-
-fn value(row: &Row<'_>, column: &str) -> f64 {
-    if column == "time" { row.seconds(column) } else { row.number(column) }
 }

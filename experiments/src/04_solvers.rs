@@ -88,9 +88,9 @@ impl Experiment for Solvers {
         for rho in reflectances {
             let scene = with_reflectance(&scene, rho / largest);
             let fineness = profile.pick(
-                Fineness { elements: 4, patches: 4, rays: 64, segments: 32 },
-                Fineness { elements: 8, patches: 8, rays: 512, segments: 128 },
-                Fineness { elements: 16, patches: 16, rays: 2048, segments: 256 },
+                Fineness::uniform(4, 4, 64, 32),
+                Fineness::uniform(8, 8, 512, 128),
+                Fineness::uniform(16, 16, 2048, 256),
             );
             let truth = truth(&scene, fineness, GRID)?;
             let reference_error = truth.error;

@@ -11,7 +11,7 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{ReadOptions, read_scene};
 use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
 
-use radiosity_experiments::{Context, Profile, REFERENCES, Record};
+use radiosity_experiments::{Context, Profile, REFERENCES, Record, Row};
 use radiosity_plot::fit::PowerLaw;
 
 use crate::truth::{Fineness, Truth, truth};
@@ -34,25 +34,20 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
     scene
 }
 
-/// How fine the reference of the Cornell box is.
-pub fn fineness(profile: Profile) -> Fineness {
-    profile.pick(
-        Fineness { elements: 8, patches: 8, rays: 128, segments: 64 },
-        Fineness { elements: 16, patches: 16, rays: 1024, segments: 256 },
-        Fineness { elements: 48, patches: 24, rays: 4096, segments: 1024 },
-    )
+/// How fine the reference of the Cornell box is: elements and patches along an edge of a face, rays and segments.
+fn fineness(profile: Profile) -> [u32; 4] {
+    profile.pick([8, 8, 128, 64], [16, 16, 1024, 256], [48, 24, 4096, 1024])
 }
 
 /// The reference of the Cornell box, kept beside the results so that experiments share it.
 pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
-    let fineness = fineness(context.profile());
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
-    let Fineness { elements, patches, rays, segments } = fineness;
+    let [elements, patches, rays, segments] = fineness(context.profile());
     let file = folder.join(format!("cornell-{elements}-{patches}-{rays}-{segments}.csv"));
     match read_truth(&file) {
         Ok(known) => Ok(known),
         Err(_) => {
-            let known = truth(scene, fineness, GRID)?;
+            let known = truth(scene, Fineness::uniform(elements, patches, rays, segments), GRID)?;
             std::fs::create_dir_all(&folder)?;
             write_truth(&file, &known)?;
             Ok(known)
@@ -189,6 +184,11 @@ pub fn picture(geometry: &radiosity::Geometry<'_>, radiosity: &BandValues, side:
 /// Side of a picture in pixels.
 pub fn picture_side(profile: Profile) -> u32 {
     profile.pick(48, 360, 480)
+}
+
+/// A number or, in the column `time`, seconds.
+pub fn value(row: &Row<'_>, column: &str) -> f64 {
+    if column == "time" { row.seconds(column) } else { row.number(column) }
 }
 
 /// An exponent with its 95 % interval, as it stands behind `m^` in a sentence.

@@ -3,6 +3,8 @@
 mod common;
 #[path = "03_form_factors.rs"]
 mod form_factors;
+#[path = "08_parametric.rs"]
+mod parametric;
 #[path = "01_patches.rs"]
 mod patches;
 #[path = "05_progressive.rs"]
@@ -27,6 +29,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &solvers::Solvers,
     &progressive::Progressive,
     &stability::Stability,
+    &parametric::Parametric,
 ];
 
 fn main() -> ExitCode {

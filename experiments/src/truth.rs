@@ -7,7 +7,7 @@
 
 use std::error::Error;
 
-use radiosity::{Geometry, GridValues};
+use radiosity::{Geometry, GridValues, Method, Store, Strategy};
 use radiosity_core::{BandValues, Form, StopRule, System, solve};
 use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::ray_cast::RayCast;
@@ -18,17 +18,36 @@ use radiosity_geometry::{Facets, Scene};
 use radiosity_solvers::GaussSeidel;
 
 /// How fine a reference is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fineness {
-    /// Elements along an edge of a face.
-    pub elements: u32,
-    /// Patches along an edge of a face; must divide the elements. Where surfaces touch, coarse patches are what is wrong
-    /// with a fine mesh.
-    pub patches: u32,
+    /// Elements.
+    pub elements: Subdivision,
+    /// Patches, in which elements must nest. Where surfaces touch, coarse patches are what is wrong with a fine mesh.
+    pub patches: Subdivision,
     /// Rays of every element for indirect light.
     pub rays: u32,
     /// Segments between an element and a partly hidden emitter.
     pub segments: u32,
+}
+
+impl Fineness {
+    /// So many elements and patches along an edge of every face.
+    pub const fn uniform(elements: u32, patches: u32, rays: u32, segments: u32) -> Self {
+        Self { elements: Subdivision::Uniform(elements), patches: Subdivision::Uniform(patches), rays, segments }
+    }
+
+    /// Half the elements and patches along an edge, and half the rays.
+    fn half(self) -> Self {
+        Self { elements: coarser(self.elements), patches: coarser(self.patches), rays: self.rays / 2, ..self }
+    }
+}
+
+/// Half as many cells along an edge.
+fn coarser(subdivision: Subdivision) -> Subdivision {
+    match subdivision {
+        Subdivision::Uniform(k) => Subdivision::Uniform(k / 2),
+        Subdivision::EdgeLength(h) => Subdivision::EdgeLength(2.0 * h),
+    }
 }
 
 /// Irradiance of a fine mesh.
@@ -45,11 +64,7 @@ pub struct Fine<'a> {
 ///
 /// Whatever meshing, estimating or solving may meet.
 pub fn fine(scene: &Scene, fineness: Fineness, seed: u64) -> Result<Fine<'_>, Box<dyn Error>> {
-    let mesh = MeshSettings {
-        elements: Subdivision::Uniform(fineness.elements),
-        patches: Some(Subdivision::Uniform(fineness.patches)),
-        contacts: true,
-    };
+    let mesh = MeshSettings { elements: fineness.elements, patches: Some(fineness.patches), contacts: true };
     let geometry = Geometry::new(scene, &mesh)?;
     let (elements, patches) = (geometry.elements(), geometry.patches());
     let areas = elements.areas();
@@ -111,13 +126,23 @@ pub fn truth(scene: &Scene, fineness: Fineness, cells: u32) -> Result<Truth, Box
     let finest = fine(scene, fineness, 1)?;
     let grid = GridValues::means(&finest.geometry, &finest.irradiance, cells)?;
     drop(finest);
-    let half = Fineness {
-        elements: fineness.elements / 2,
-        patches: fineness.patches / 2,
-        rays: fineness.rays / 2,
-        ..fineness
-    };
-    let half = fine(scene, half, 2)?;
+    let half = fine(scene, fineness.half(), 2)?;
     let error = GridValues::means(&half.geometry, &half.irradiance, cells)?.error(&grid).rms;
     Ok(Truth { grid, error })
+}
+
+/// The reference of a scene in which nothing blocks: analytic pairs on a fine mesh, against half as many elements along an edge.
+///
+/// # Errors
+///
+/// As [`radiosity::run`].
+pub fn pairs_truth(scene: &Scene, fine: Subdivision, cells: u32) -> Result<Truth, Box<dyn Error>> {
+    let grid = |elements: Subdivision| -> Result<GridValues, Box<dyn Error>> {
+        let strategy = Strategy::new(elements, Method::sampled(1e-8, 1));
+        let run = radiosity::run(scene, &Strategy { store: Store::Packed, ..strategy }, &mut ())?;
+        Ok(GridValues::means(&run.geometry, &run.solution.irradiance, cells)?)
+    };
+    let finest = grid(fine)?;
+    let error = grid(coarser(fine))?.error(&finest).rms;
+    Ok(Truth { grid: finest, error })
 }
