@@ -9,6 +9,7 @@
 //! | [`ManufacturedRoom`] | B, H and E at every point | everything, interreflection included |
 //! | [`FloorUnderLight`] | H at every point of the floor | meshes and form factors |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
+//! | [`bright_room()`] | B in twice the working precision | counts of products at any size |
 //! | [`conformance()`] | what any store must do | stores |
 //!
 //! What is *not* here: files, and answers that are only known from a finer run.
@@ -30,4 +31,4 @@ pub use floor_under_light::FloorUnderLight;
 pub use integrating_sphere::IntegratingSphere;
 pub use manufactured::ManufacturedRoom;
 pub use random_enclosure::RandomEnclosure;
-pub use stiff::{StiffCase, stiff};
+pub use stiff::{Light, StiffCase, bright_room, exact_in_closed_room, stiff, with_light};
