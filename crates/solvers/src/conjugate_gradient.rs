@@ -127,6 +127,17 @@ impl Work {
         }
     }
 
+    /// Solves for the slow mode at once: y += c w, so x += c ρ and r_cg −= c M w, with c = w·r/(w·Mw).
+    fn solve_slow_mode(&mut self, shot: &mut BandValues, rho: Bands<'_>) {
+        let Some(slow) = &self.slow else { return };
+        for (b, unit) in self.units.iter().enumerate() {
+            let r = self.r.band_mut(b);
+            let c = slow.part(b, &slow.w, r);
+            shot.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += c * rho * unit);
+            r.iter_mut().zip(slow.mw.band(b)).for_each(|(r, mw)| *r -= c * mw);
+        }
+    }
+
     /// Takes the slow mode out of the direction p of band b.
     fn deflate(&mut self, b: usize) {
         if let Some(slow) = &self.slow {
@@ -186,15 +197,9 @@ impl Solver for ConjugateGradient {
         let mut work = Work::new(d, residual.view());
         if self.deflated {
             let slow = SlowMode::new(system, &work.d, Bands::new(of_rho, m));
-            for b in 0..bands {
-                // y += c w, so x += c ρ and r_cg −= c M w.
-                let c = slow.part(b, &slow.w, work.r.band(b));
-                let unit = work.units[b];
-                shot.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += c * rho * unit);
-                work.r.band_mut(b).iter_mut().zip(slow.mw.band(b)).for_each(|(r, mw)| *r -= c * mw);
-            }
-            work.unscale_residual(&mut residual);
             work.slow = Some(slow);
+            work.solve_slow_mode(&mut shot, rho);
+            work.unscale_residual(&mut residual);
         }
         work.p = work.r.clone();
         (0..bands).for_each(|b| work.deflate(b));
@@ -230,6 +235,11 @@ impl Solver for ConjugateGradient {
             work.updates = 0;
             cost += system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
             work.scale_residual(residual.view());
+            // What rounding has brought of the slow mode no direction would take out again.
+            if work.slow.is_some() {
+                work.solve_slow_mode(shot, system.reflectance());
+                work.unscale_residual(residual);
+            }
         }
         // The next direction, with the β that makes it conjugate to p even if r was recomputed.
         for (b, &curvature) in curvatures.iter().enumerate().filter(|band| *band.1 > 0.0) {
