@@ -100,7 +100,7 @@ impl Forecast {
         self.symmetric.then(|| (over(1.0, self.radius.0), over(1.0 + self.radius.1, self.radius.1)))
     }
 
-    /// Steps, at least and at most, that the method called `name` will need to bring η to `unshot`; infinite if it may not converge,
+    /// Steps, at least and at most, to be rounded up, that the method called `name` will need to bring η to `unshot`; infinite if it may not converge,
     /// `None` if nothing is known of the method on this store.
     ///
     /// | method | steps |
@@ -141,7 +141,7 @@ impl Forecast {
             }
             let known = decay.unshot.len() as f64 - 1.0;
             let last = decay.unshot.last().copied().unwrap_or(0.0);
-            let steps = |factor: f64| known + further(last, factor, unshot).ceil();
+            let steps = |factor: f64| known + further(last, factor, unshot);
             (least.max(steps(decay.radius.0)), most.max(steps(decay.radius.1)))
         })
     }
