@@ -5,9 +5,9 @@
 //! as there are slow modes; rounding reaches the answer as ε/(1 − ρ), and single-precision entries as 6·10⁻⁸/(1 − ρ). Row sums
 //! above 1/ρ leave no answer that means anything. Measured on the gallery's stiff systems of up to about 100 elements; error
 //! against elimination in twice the working precision, η asked 1e-10; and, for conjugate gradients, in a closed room 4 × 3 × 5 of 6,144
-//! elements at ρ = 0.999 and 0.99999 with one element or a panel lit, against an iteration in twice the working precision that ends by its own
-//! bound, with every pass over the form factors counted: start, deflation and residuals that are recomputed. Read: an error must lie under its bound, and a run that did not
-//! converge must say so. Not shown: times on large systems (experiment 04).
+//! elements at ρ = 0.999 and 0.99999 with one element or a panel lit, against an iteration in twice the working precision that ends
+//! by its own bound. There every pass over the form factors counts: start, deflation and residuals that are recomputed. Read: an
+//! error must lie under its bound, and a run that did not converge must say so. Not shown: times on large systems (experiment 04).
 
 use std::error::Error;
 
