@@ -235,11 +235,6 @@ impl Solver for ConjugateGradient {
             work.updates = 0;
             cost += system.residual(Direction::Gather, shot.view(), residual.view_mut())?;
             work.scale_residual(residual.view());
-            // What rounding has brought of the slow mode no direction would take out again.
-            if work.slow.is_some() {
-                work.solve_slow_mode(shot, system.reflectance());
-                work.unscale_residual(residual);
-            }
         }
         // The next direction, with the β that makes it conjugate to p even if r was recomputed.
         for (b, &curvature) in curvatures.iter().enumerate().filter(|band| *band.1 > 0.0) {
