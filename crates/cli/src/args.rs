@@ -304,6 +304,9 @@ pub struct SolveArgs {
         conflicts_with_all = ["method", "rays", "resolution", "samples", "element_size", "patch_subdivide", "tolerance"]
     )]
     pub form_factors: Option<PathBuf>,
+    /// Say before the solver begins how many steps it and the others will take: q, spectral radius and condition from 12 products.
+    #[arg(long, conflicts_with = "dry_run")]
+    pub forecast: bool,
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,
@@ -338,4 +341,10 @@ pub struct InspectArgs {
     /// Estimator to predict.
     #[command(flatten)]
     pub estimator: Estimator,
+    /// Compute the form factors, as `solve` would, and forecast the steps of every solver from 12 products.
+    #[arg(long, conflicts_with = "dry_run")]
+    pub forecast: bool,
+    /// Unshot share of the emitted power that steps are forecast for.
+    #[arg(long, value_name = "ETA", default_value_t = 1e-9, value_parser = open_unit, requires = "forecast")]
+    pub unshot: f64,
 }

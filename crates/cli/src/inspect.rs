@@ -1,6 +1,6 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, predict};
+use radiosity::{Geometry, Strategy, forecast, predict};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
@@ -19,6 +19,12 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
     let left_out = left_out(scene, &geometry);
+    let forecasted = if args.forecast {
+        let asked = Strategy { forecast: output::FORECAST, ..strategy.clone() };
+        Some(forecast(scene, &asked)?.0)
+    } else {
+        None
+    };
     let object = json!({
         "faces": scene.surfaces.len(),
         "area": scene.area(),
@@ -48,6 +54,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             "hemicube_pixels": prediction.hemicube_pixels,
             "stored_bytes": prediction.stored_bytes,
         },
+        "forecast": forecasted.as_ref().map(|f| output::forecast(f, args.unshot)),
     });
     let r = &imported.report;
     let mut lines = vec![
@@ -85,6 +92,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             output::bytes(prediction.stored_bytes)
         ),
     ];
+    lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));
     lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
     output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)

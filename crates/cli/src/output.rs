@@ -2,11 +2,12 @@
 
 use std::io::Write;
 
-use radiosity::{ErrorMeasure, Method, Phase, Repair};
-use radiosity_core::Cost;
+use radiosity::{ErrorMeasure, Forecasted, Method, Phase, Repair};
+use radiosity_core::{Cost, Forecast};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks};
 use radiosity_io::ImportReport;
+use radiosity_solvers::NAMES;
 use serde_json::{Value, json};
 
 use crate::args::Common;
@@ -154,6 +155,55 @@ pub fn repair_line(repair: &Repair) -> String {
     format!(
         "repair: {first}row sums from within {:.1e} to within {:.1e} of 1; form factors change by up to {:.1e} of themselves (rms {:.1e}), by up to {:.1e} at most",
         s.closure_before, s.closure_after, s.largest_relative_change, s.rms_relative_change, s.largest_change
+    )
+}
+
+/// Products of the store that a forecast spends.
+pub const FORECAST: usize = 12;
+
+/// Solvers of which steps to η = `unshot` can be forecast, with least and most.
+fn forecast_steps(forecast: &Forecast, unshot: f64) -> Vec<(&'static str, (f64, f64))> {
+    NAMES.into_iter().filter_map(|name| Some((name, forecast.steps(name, unshot)?))).collect()
+}
+
+/// A forecast as JSON; what is infinite is null.
+pub fn forecast(forecasted: &Forecasted, unshot: f64) -> Value {
+    let f = &forecasted.forecast;
+    let steps = forecast_steps(f, unshot)
+        .into_iter()
+        .map(|(name, (least, most))| (name.to_owned(), json!({ "least": least, "most": most })));
+    json!({
+        "contraction": f.contraction,
+        "spectral_radius": [f.radius.0, f.radius.1],
+        "condition": f.condition().map(|c| c.0),
+        "condition_bound": f.condition().map(|c| c.1),
+        "unshot": unshot,
+        "steps": steps.collect::<serde_json::Map<_, _>>(),
+        "products": f.products(),
+        "counts": cost(&forecasted.cost),
+        "seconds": forecasted.time.as_secs_f64(),
+    })
+}
+
+/// A forecast for people.
+pub fn forecast_line(forecasted: &Forecasted, unshot: f64) -> String {
+    let f = &forecasted.forecast;
+    let count = |steps: f64| if steps.is_finite() { format!("{:.0}", steps.ceil()) } else { "no end".to_owned() };
+    let steps = forecast_steps(f, unshot).into_iter().map(|(name, (least, most))| match name {
+        "cg" | "deflated-cg" => format!("{name} at most {}", count(most)),
+        _ if count(least) == count(most) => format!("{name} {}", count(most)),
+        _ => format!("{name} {} to {}", count(least), count(most)),
+    });
+    let condition = f.condition().map_or_else(String::new, |(estimate, bound)| {
+        format!(", condition number about {estimate:.3e}, at most {bound:.3e}")
+    });
+    format!(
+        "forecast from {} products: q = {:.6}, spectral radius {:.6} to {:.6}{condition}; steps to η = {unshot:.0e}: {}",
+        f.products(),
+        f.contraction,
+        f.radius.0,
+        f.radius.1,
+        steps.collect::<Vec<_>>().join(", ")
     )
 }
 

@@ -122,6 +122,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
 /// Store, repair, stopping and solver as asked for.
 fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
     (strategy.unshot, strategy.store, strategy.repair) = (args.unshot, args.store.into(), args.repair);
+    strategy.forecast = if args.forecast { output::FORECAST } else { 0 };
     if args.repair && strategy.shape == Shape::Full {
         // What is repaired is symmetric.
         "cg".clone_into(&mut strategy.solver);
@@ -271,6 +272,7 @@ fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value 
         "solver": strategy.solver,
         "outcome": s.outcome.to_string(),
         "steps": s.steps,
+        "forecast": run.forecast.as_ref().map(|f| output::forecast(f, strategy.unshot)),
         "unshot": s.unshot,
         "contraction": s.contraction(),
         "bound": s.bound(),
@@ -335,6 +337,7 @@ fn summary(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Vec<S
             output::check_lines(&c.checks, c.blocked.as_ref(), c.closed, names)
         }));
     }
+    lines.extend(run.forecast.as_ref().map(|f| output::forecast_line(f, strategy.unshot)));
     lines.extend([
         format!(
             "{} ({}): {}, {} steps in {:.3} s, unshot {:.1e}{}",

@@ -13,6 +13,7 @@
 //! | [`crowded_room()`] | that nothing leaves | many blockers |
 //! | [`city()`] | areas | many facets of which most are hidden |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
+//! | [`bright_room()`] | B in twice the working precision | counts of products at any size |
 //! | [`conformance()`] | what any store must do | stores |
 //!
 //! What is *not* here: files, and answers that are only known from a finer run.
@@ -42,4 +43,4 @@ pub use hinge::Hinge;
 pub use integrating_sphere::IntegratingSphere;
 pub use manufactured::ManufacturedRoom;
 pub use random_enclosure::RandomEnclosure;
-pub use stiff::{StiffCase, stiff};
+pub use stiff::{Light, StiffCase, bright_room, exact_in_closed_room, stiff, with_light};

@@ -23,7 +23,7 @@ pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;
 pub use mend::{Repair, mend, mend_dense};
 pub use predict::{Prediction, predict};
-pub use run::{Checked, Run, RunError, run, run_saved, solve_on};
+pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_saved, solve_on};
 pub use saved::{FitError, FittedRows, SavedCell, SavedFormFactors};
 pub use strategy::{Method, Shape, Store, Strategy, default_method};
 pub use tolerance::{ToleranceRun, ToleranceStep, run_to_tolerance};

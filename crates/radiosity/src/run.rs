@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{
-    BandValues, Direction, Form, FormFactors, Observer, Solution, SolveError, StopRule, StoreError, System,
-    SystemError, solve,
+    BandValues, Cost, Direction, Forecast, Form, FormFactors, Observer, Solution, SolveError, StopRule, StoreError,
+    System, SystemError, solve,
 };
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
@@ -85,8 +85,21 @@ pub struct Run<'a> {
     pub checked: Option<Checked>,
     /// The repair, if one was asked for.
     pub repair: Option<Repair>,
+    /// What was forecast of the solution, if that was asked for.
+    pub forecast: Option<Forecasted>,
     /// The solution on the exposed elements.
     pub solution: Solution,
+}
+
+/// A forecast and what it took, outside all phases.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecasted {
+    /// The forecast, of the system that the solver is given: in the two-level shape that of the patches.
+    pub forecast: Forecast,
+    /// Counts; on-demand stores compute rows for it.
+    pub cost: Cost,
+    /// Time.
+    pub time: Duration,
 }
 
 /// What checks of form factors say, as they were used: after a repair, if there was one.
@@ -185,6 +198,18 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     Ok(made.run(geometry, meshing))
 }
 
+/// Forecasts a run of `strategy` without making it: computes its form factors and solves nothing. At least one product is spent; the phase is
+/// that of the form factors.
+///
+/// # Errors
+///
+/// [`RunError`] as [`run`].
+pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase), RunError> {
+    let asked = Strategy { forecast: strategy.forecast.max(1), steps: 0, verify: false, ..strategy.clone() };
+    let run = run(scene, &asked, &mut ())?;
+    Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
+}
+
 /// Solves the scene of `geometry` on saved form factors, fitted to it by [`crate::SavedFormFactors::fit`]; store, solver, repair and
 /// stopping as `strategy` says, in its full form. Its method is not used.
 ///
@@ -210,13 +235,14 @@ struct Made {
     stored_bytes: u64,
     checked: Option<Checked>,
     repair: Option<Repair>,
+    forecast: Option<Forecasted>,
     solution: Solution,
 }
 
 impl Made {
     fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, solution } = self;
-        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, solution }
+        let Self { form_factors, stored_bytes, checked, repair, forecast, solution } = self;
+        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, forecast, solution }
     }
 }
 
@@ -261,7 +287,10 @@ fn direct_form<'r>(
     if let (true, None, Filled::Held(store)) = (strategy.repair, &repair, &mut store) {
         repair = Some(mend(&mut **store, &areas, closed)?);
     }
-    let solution = solve_on(geometry, store.store(), form, &strategy.solver, &stop_rule(strategy), observer)?;
+    let (forecast, solution) = with_system(geometry, store.store(), form, |system| {
+        let forecast = foresee(system, strategy)?;
+        Ok((forecast, solve(system, &mut *named(&strategy.solver)?, &stop_rule(strategy), observer)?))
+    })?;
     let stored_bytes = store.store().properties().stored_bytes;
     let checked = if stored_bytes > 0 && strategy.verify {
         let mut checked = checked(geometry, store.store(), form, closed)?;
@@ -270,7 +299,7 @@ fn direct_form<'r>(
     } else {
         None
     };
-    Ok(Made { form_factors, stored_bytes, checked, repair, solution })
+    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, solution })
 }
 
 /// Checks a store between the elements or patches that `form` says.
@@ -312,10 +341,30 @@ pub fn solve_on(
     stop: &StopRule,
     observer: &mut dyn Observer,
 ) -> Result<Solution, RunError> {
+    with_system(geometry, store, form, |system| Ok(solve(system, &mut *named(solver)?, stop, observer)?))
+}
+
+/// Calls `with` with the system that `store` makes of `geometry` in `form`.
+fn with_system<T>(
+    geometry: &Geometry<'_>,
+    store: &dyn FormFactors,
+    form: Form,
+    with: impl FnOnce(&System<'_>) -> Result<T, RunError>,
+) -> Result<T, RunError> {
     let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
     let areas = geometry.elements().areas();
-    let system = System::substructured(store, form, &areas, geometry.parent(), emission.view(), reflectance.view())?;
-    Ok(solve(&system, &mut *named(solver)?, stop, observer)?)
+    with(&System::substructured(store, form, &areas, geometry.parent(), emission.view(), reflectance.view())?)
+}
+
+/// The forecast of a system that `strategy` asks for, in the direction of its solver.
+fn foresee(system: &System<'_>, strategy: &Strategy) -> Result<Option<Forecasted>, RunError> {
+    if strategy.forecast == 0 {
+        return Ok(None);
+    }
+    let clock = Instant::now();
+    let direction = named(&strategy.solver)?.needs().direction;
+    let (forecast, cost) = Forecast::new(system, direction, strategy.forecast)?;
+    Ok(Some(Forecasted { forecast, cost, time: clock.elapsed() }))
 }
 
 fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
@@ -348,6 +397,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     )?;
     let (e, rho) = (elements.patch_means(elements.emission()), elements.patch_means(elements.reflectance()));
     let coarse = System::full(&patches, elements.patch_areas(), e.view(), rho.view())?;
+    let forecast = foresee(&coarse, strategy)?;
     let mut solution = solve(&coarse, &mut *named(&strategy.solver)?, &stop_rule(strategy), observer)?;
     // One gather from the patches to the elements.
     let clock = Instant::now();
@@ -361,7 +411,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let closed = geometry.scene().closed();
     let checked =
         if strategy.verify { Some(checked(geometry, &store, Form::ElementsToPatches, closed)?) } else { None };
-    Ok(Made { form_factors, stored_bytes, checked, repair: None, solution })
+    Ok(Made { form_factors, stored_bytes, checked, repair: None, forecast, solution })
 }
 
 /// The value of its patch for every element.

@@ -177,6 +177,8 @@ pub struct Strategy {
     pub steps: u64,
     /// Whether the residual is recomputed and bounded at the end.
     pub verify: bool,
+    /// Products spent, before the solver begins, on forecasting its steps; 0 for no forecast.
+    pub forecast: usize,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -195,6 +197,7 @@ impl Strategy {
             unshot: 1e-9,
             steps: 1_000_000,
             verify: true,
+            forecast: 0,
             seed: 1,
         }
     }

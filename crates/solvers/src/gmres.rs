@@ -2,7 +2,7 @@
 
 use radiosity_core::{BandValues, Bands, Cost, Direction, Form, Iterate, Needs, Progress, Solver, StoreError, System};
 
-use crate::recurrence_level;
+use crate::rounding_level;
 
 /// Restarted GMRES in the norm of power.
 ///
@@ -207,7 +207,7 @@ impl Solver for Gmres {
         let full = self.spaces.iter().any(|space| space.columns.len() >= self.restart);
         if full
             || self.spaces.iter().all(|space| space.closed)
-            || system.unshot(r.view()) < recurrence_level(system, shot.view())
+            || system.unshot(r.view()) < 1e4 * rounding_level(system, shot.view())
         {
             cost += system.residual(self.direction, shot.view(), r.view_mut())?;
             self.begin(system, shot, r);

@@ -94,13 +94,13 @@ pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Sol
     Ok(Some(solver))
 }
 
-/// η below which what recurrences add to r could show, so that r is recomputed from x: 10⁴ ε Σ A|x| / Σ A E of the worst band.
-fn recurrence_level(system: &System<'_>, x: Bands<'_>) -> f64 {
+/// ε Σ A|x| / Σ A E of the worst band: what the rounding of x is in terms of η.
+fn rounding_level(system: &System<'_>, x: Bands<'_>) -> f64 {
     let band = |b: usize| {
         let size: f64 = system.areas().iter().zip(x.band(b)).map(|(a, x)| a * x.abs()).sum();
         fraction(size, system.power(system.emission().band(b)))
     };
-    1e4 * f64::EPSILON * (0..x.count()).map(band).fold(0.0, f64::max)
+    f64::EPSILON * (0..x.count()).map(band).fold(0.0, f64::max)
 }
 
 /// Σ A|x| of a band over what the band emits; 0 when nothing is left, also of a band in which nothing emits.

@@ -90,7 +90,8 @@ fn forecast_steps_hold() {
         };
         let (least, most) = forecast.steps("jacobi", eta).unwrap();
         let jacobi = taken("jacobi");
-        assert!(least - 2.0 <= jacobi && jacobi <= most + 2.0, "{jacobi} sweeps at {rho}, forecast {least} to {most}");
+        // η is evaluated to rounding: it may meet its target a step sooner or later.
+        assert!(least - 1.0 <= jacobi && jacobi <= most + 1.0, "{jacobi} sweeps at {rho}, forecast {least} to {most}");
         // What is not asymptotic costs a few sweeps more.
         let (_, most) = forecast.steps("gauss-seidel", eta).unwrap();
         assert!(taken("gauss-seidel") <= 1.2 * most + 5.0, "{rho}");

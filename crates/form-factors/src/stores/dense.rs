@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use faer::MatRef;
 use radiosity_core::{
-    BandValues, Bands, BandsMut, Block, Cost, Entries, FormFactors, Properties, Relax, Row, RowBuf, StoreError,
-    scatter_by_rows, sweep_by_rows,
+    Bands, BandsMut, Cost, Entries, FormFactors, Properties, Relax, Row, RowBuf, StoreError, scatter_by_rows,
+    sweep_by_rows,
 };
 use rayon::prelude::*;
 
-use super::{Held, assert_factors, assert_lengths, by_pieces, check_memory, check_row, dot, scale_row};
+use super::{Held, assert_factors, assert_lengths, by_blocks, by_pieces, check_memory, check_row, dot, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st of all pairs, 8 bytes each (columns of the matrix padded to 64 bytes).
@@ -192,7 +192,7 @@ struct Table {
 
 /// A cache line, in values.
 const LINE: usize = 8;
-/// Rows that take the other half of a symmetric table at once, and rows of a block of a sweep.
+/// Rows that take the other half of a symmetric table at once.
 const BLOCK: usize = 64;
 
 impl Table {
@@ -291,48 +291,26 @@ impl FormFactors for DenseFormFactors {
         if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
     }
 
-    fn sweep(&self, mut x: BandsMut<'_>, relax: &mut Relax<'_>) -> Result<Cost, StoreError> {
+    fn sweep(&self, x: BandsMut<'_>, relax: &mut Relax<'_>) -> Result<Cost, StoreError> {
         let (n, bands) = (self.sources(), x.count());
         if n != self.targets() {
             return sweep_by_rows(self, x, relax);
         }
-        assert_eq!(x.len(), n, "sweep: x has {} values a band, the store {n} targets", x.len());
-        let mut inside = vec![0.0; BLOCK.min(n).pow(2)];
-        for begin in (0..n).step_by(BLOCK) {
-            let range = begin..(begin + BLOCK).min(n);
-            let (len, view) = (range.len(), x.view());
-            let inside = &mut inside[..len * len];
-            let mut outside = BandValues::zeros(bands, len);
+        let next = |now: &mut Range<usize>, block: &Range<usize>, _: Bands<'_>| *now = block.clone();
+        by_blocks(n, x, relax, &mut (0..0), next, |block, rows, x, sums, inside| {
+            let rows = self.slices(rows);
+            let part = |part: Range<usize>| rows.iter().map(|row| &row[part.clone()]).collect::<Vec<_>>();
             // Both sides of the block; the part in between is copied while it is in the cache.
-            let mut right = vec![0.0; bands * len];
-            let mut left = vec![0.0; bands * len];
-            let tasks = inside
-                .par_chunks_mut(ROWS_OF_TASK * len)
-                .zip(left.par_chunks_mut(ROWS_OF_TASK * bands))
-                .zip(right.par_chunks_mut(ROWS_OF_TASK * bands));
-            tasks.enumerate().for_each(|(k, ((inside, left), right))| {
-                let first = begin + k * ROWS_OF_TASK;
-                let rows = self.slices(first..first + inside.len() / len);
-                let part = |part: Range<usize>| rows.iter().map(|row| &row[part.clone()]).collect::<Vec<_>>();
-                dot::dense(&part(0..begin), view, 0, left);
-                dot::dense(&part(range.end..n), view, range.end, right);
-                inside
-                    .chunks_exact_mut(len)
-                    .zip(part(range.clone()))
-                    .for_each(|(inside, row)| inside.copy_from_slice(row));
-            });
-            for b in 0..bands {
-                let sums = left[b..].iter().step_by(bands).zip(right[b..].iter().step_by(bands));
-                outside.band_mut(b).iter_mut().zip(sums).for_each(|(sum, (left, right))| *sum = left + right);
-            }
-            relax(&Block { range, outside: outside.view(), inside }, x.reborrow());
-        }
+            let mut left = vec![0.0; sums.len()];
+            dot::dense(&part(0..block.start), x, 0, &mut left);
+            dot::dense(&part(block.end..n), x, block.end, sums);
+            sums.iter_mut().zip(&left).for_each(|(sum, left)| *sum += left);
+            let inside = inside.chunks_exact_mut(block.len());
+            inside.zip(part(block.clone())).for_each(|(inside, row)| inside.copy_from_slice(row));
+        });
         Ok(Cost::applied(n * n, 8, bands))
     }
 }
-
-/// Rows of a block of a sweep that one task sums.
-const ROWS_OF_TASK: usize = 8;
 
 impl Held for DenseFormFactors {
     fn bound(&self, s: usize) -> Option<f64> {

@@ -5,6 +5,8 @@
 //! instruction set is chosen at run time by `pulp`; the order of additions depends on it and on nothing else, so a row and a band
 //! alone have the bytes that they have among others.
 
+use std::ops::Range;
+
 use radiosity_core::Bands;
 
 use super::lanes::{Lanes, Work, run};
@@ -16,15 +18,36 @@ pub(super) fn dense(rows: &[&[f64]], x: Bands<'_>, first: usize, sums: &mut [f64
     run(Level::best(), Dense { rows, x, first, sums });
 }
 
-/// sums_b = Σ_k values_k x_b,targets_k, one for each band.
-pub(super) fn sparse(targets: &[u32], values: &[f64], x: Bands<'_>, sums: &mut [f64]) {
-    let mut band = 0;
-    while band < sums.len() {
-        band += match sums.len() - band {
-            1 => sparse_group::<1>(targets, values, x, band, sums),
-            2 | 4 => sparse_group::<2>(targets, values, x, band, sums),
-            _ => sparse_group::<3>(targets, values, x, band, sums),
-        };
+/// sums_b = Σ_k values_k x_b,targets_k, one for each band, with the bands of x as [`Abreast`] has them.
+pub(super) fn sparse<const W: usize>(targets: &[u32], values: &[f64], x: &Abreast<W>, sums: &mut [f64]) {
+    run(Level::best(), Sparse { targets, values, x, sums });
+}
+
+/// x with the values of a target in W bands side by side, so that one line of the cache serves them all: groups of W bands one after
+/// another, 0 beyond the last band.
+pub(super) struct Abreast<const W: usize> {
+    values: Vec<[f64; W]>,
+    len: usize,
+}
+
+impl<const W: usize> Abreast<W> {
+    pub(super) fn new(x: Bands<'_>) -> Self {
+        let mut abreast = Self { values: vec![[0.0; W]; x.count().div_ceil(W) * x.len()], len: x.len() };
+        abreast.set(0..x.len(), x);
+        abreast
+    }
+
+    /// Takes the values of x in `range`.
+    pub(super) fn set(&mut self, range: Range<usize>, x: Bands<'_>) {
+        for b in 0..x.count() {
+            let of_group = &mut self.values[b / W * self.len..][range.clone()];
+            of_group.iter_mut().zip(&x.band(b)[range.clone()]).for_each(|(values, x)| values[b % W] = *x);
+        }
+    }
+
+    /// Sets the values in `range` to 0.
+    pub(super) fn clear(&mut self, range: Range<usize>) {
+        self.values.chunks_exact_mut(self.len).for_each(|group| group[range.clone()].fill([0.0; W]));
     }
 }
 
@@ -70,6 +93,8 @@ fn rows_of<L: Lanes, const R: usize>(lanes: L, rows: [&[f64]; R], x: Bands<'_>, 
 
 /// Running sums of a row and band.
 const SUMS: usize = 2;
+/// Running sums of a band of a sparse row, whose values come one by one.
+const SPARSE_SUMS: usize = 8;
 
 #[inline(always)]
 fn dense_group<L: Lanes, const R: usize, const B: usize>(
@@ -114,26 +139,47 @@ fn dense_group<L: Lanes, const R: usize, const B: usize>(
     B
 }
 
-/// Running sums of a listed row and band.
-const LISTED_SUMS: usize = 4;
+struct Sparse<'a, const W: usize> {
+    targets: &'a [u32],
+    values: &'a [f64],
+    x: &'a Abreast<W>,
+    sums: &'a mut [f64],
+}
 
-fn sparse_group<const B: usize>(targets: &[u32], values: &[f64], x: Bands<'_>, band: usize, sums: &mut [f64]) -> usize {
-    let x: [&[f64]; B] = std::array::from_fn(|b| x.band(band + b));
-    let mut running = [[0.0; LISTED_SUMS]; B];
-    let whole = values.len() / LISTED_SUMS * LISTED_SUMS;
-    for (t, v) in targets[..whole].chunks_exact(LISTED_SUMS).zip(values.chunks_exact(LISTED_SUMS)) {
-        for (running, x) in running.iter_mut().zip(&x) {
-            for l in 0..LISTED_SUMS {
-                running[l] += v[l] * x[t[l] as usize];
+impl<const W: usize> Work for Sparse<'_, W> {
+    // Plain code, without fused products: the same bytes with every instruction set.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        for (group, sums) in self.sums.chunks_mut(W).enumerate() {
+            let x = &self.x.values[group * self.x.len..][..self.x.len];
+            sparse_group(self.targets, self.values, x, sums);
+        }
+    }
+}
+
+#[inline(always)]
+fn sparse_group<const W: usize>(targets: &[u32], values: &[f64], x: &[[f64; W]], sums: &mut [f64]) {
+    let (targets, last_targets) = targets.as_chunks::<SPARSE_SUMS>();
+    let (values, last_values) = values.as_chunks::<SPARSE_SUMS>();
+    let mut running = [[0.0; W]; SPARSE_SUMS];
+    for (t, v) in targets.iter().zip(values) {
+        for l in 0..SPARSE_SUMS {
+            let x = x[t[l] as usize];
+            for b in 0..W {
+                running[l][b] += v[l] * x[b];
             }
         }
     }
-    for (b, running) in running.into_iter().enumerate() {
-        let rest = targets[whole..].iter().zip(&values[whole..]);
-        let tail: f64 = rest.map(|(&t, v)| v * x[b][t as usize]).sum();
-        sums[band + b] = (running[0] + running[1]) + (running[2] + running[3]) + tail;
+    for ((t, v), running) in last_targets.iter().zip(last_values).zip(&mut running) {
+        let x = x[*t as usize];
+        for b in 0..W {
+            running[b] += v * x[b];
+        }
     }
-    B
+    for (b, sum) in sums.iter_mut().enumerate() {
+        let [r0, r1, r2, r3, r4, r5, r6, r7] = running.map(|of_bands| of_bands[b]);
+        *sum = ((r0 + r1) + (r2 + r3)) + ((r4 + r5) + (r6 + r7));
+    }
 }
 
 #[cfg(test)]
@@ -151,7 +197,7 @@ mod tests {
                 let x = values(bands, len.max(1) + 2);
                 let (mut plain, mut listed) = (vec![f64::NAN; bands], vec![f64::NAN; bands]);
                 dense(&[&row], x.view(), 2, &mut plain);
-                sparse(&targets, &row, x.view(), &mut listed);
+                sparse(&targets, &row, &Abreast::<2>::new(x.view()), &mut listed);
                 for b in 0..bands {
                     let along: f64 = (0..len).map(|t| row[t] * x.band(b)[t + 2]).sum();
                     let back: f64 = (0..len).map(|t| row[t] * x.band(b)[len - 1 - t]).sum();

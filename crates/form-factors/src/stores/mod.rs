@@ -22,7 +22,7 @@ mod tiles;
 
 use std::ops::Range;
 
-use radiosity_core::{Bands, BandsMut, Cost, FormFactors, RowBuf, StoreError};
+use radiosity_core::{BandValues, Bands, BandsMut, Block, Cost, FormFactors, Relax, RowBuf, StoreError};
 use rayon::prelude::*;
 
 pub use dense::DenseFormFactors;
@@ -176,6 +176,47 @@ fn by_pieces(mut y: BandsMut<'_>, dots: impl Fn(Range<usize>, &mut [f64]) + Sync
                 y.band(b).iter_mut().zip(sums[b..].iter().step_by(bands)).for_each(|(y, sum)| *y = *sum);
             }
         }
+    }
+}
+
+/// Rows of a block of a sweep: enough to share among threads, few enough for its inside to stay in the cache.
+const BLOCK: usize = 64;
+/// Rows of a block that one task sums.
+const ROWS_OF_TASK: usize = 8;
+
+/// A sweep of a square store, block by block.
+///
+/// Before each block `next(state, block, x)` may look at the newest x; then `fill(state, rows, x, sums, inside)` gives what some of its rows
+/// gather from outside the block, the bands of one row after another, and puts what lies inside it over zeros, in parallel.
+///
+/// # Panics
+///
+/// If x does not have `n` values a band.
+fn by_blocks<T: Sync>(
+    n: usize,
+    mut x: BandsMut<'_>,
+    relax: &mut Relax<'_>,
+    state: &mut T,
+    next: impl Fn(&mut T, &Range<usize>, Bands<'_>),
+    fill: impl Fn(&T, Range<usize>, Bands<'_>, &mut [f64], &mut [f64]) + Sync,
+) {
+    let bands = x.count();
+    assert_eq!(x.len(), n, "sweep: x has {} values a band, the store {n} targets", x.len());
+    for begin in (0..n).step_by(BLOCK) {
+        let block = begin..(begin + BLOCK).min(n);
+        let (len, view) = (block.len(), x.view());
+        next(state, &block, view);
+        let (state, mut inside, mut sums) = (&*state, vec![0.0; len * len], vec![0.0; bands * len]);
+        let tasks = inside.par_chunks_mut(ROWS_OF_TASK * len).zip(sums.par_chunks_mut(ROWS_OF_TASK * bands));
+        tasks.enumerate().for_each(|(k, (inside, sums))| {
+            let first = begin + k * ROWS_OF_TASK;
+            fill(state, first..first + inside.len() / len, view, sums, inside);
+        });
+        let mut outside = BandValues::zeros(bands, len);
+        for b in 0..bands {
+            outside.band_mut(b).iter_mut().zip(sums[b..].iter().step_by(bands)).for_each(|(to, sum)| *to = *sum);
+        }
+        relax(&Block { range: block, outside: outside.view(), inside: &inside }, x.reborrow());
     }
 }
 

@@ -1,12 +1,16 @@
 //! The exchange areas that are not zero.
 
+use std::ops::Range;
+
 use radiosity_core::{
-    Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError, scatter_by_rows,
+    Bands, BandsMut, Cost, Entries, FormFactors, Properties, Relax, Row, RowBuf, StoreError, scatter_by_rows,
+    sweep_by_rows,
 };
 use rayon::prelude::*;
 use sprs::CsMatI;
 
-use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, dot, scale_row};
+use super::dot::{self, Abreast};
+use super::{Held, assert_factors, assert_lengths, by_blocks, by_rows, check_memory, check_row, scale_row};
 use crate::Rows;
 
 /// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
@@ -128,6 +132,35 @@ impl SparseFormFactors {
         self.bounds.as_ref().map(|bounds| bounds[s])
     }
 
+    fn gather_abreast<const W: usize>(&self, x: Bands<'_>, y: BandsMut<'_>) {
+        let x = Abreast::<W>::new(x);
+        by_rows(y, |s, sums| {
+            let (targets, values) = self.slices(s);
+            dot::sparse(targets, values, &x, sums);
+        });
+    }
+
+    /// Sums over whole rows of an x that is 0 inside the block.
+    fn sweep_abreast<const W: usize>(&self, x: BandsMut<'_>, relax: &mut Relax<'_>) {
+        let mut outside = (Abreast::<W>::new(x.view()), 0..0);
+        let next = |(outside, last): &mut (Abreast<W>, Range<usize>), block: &Range<usize>, x: Bands<'_>| {
+            outside.set(std::mem::replace(last, block.clone()), x);
+            outside.clear(block.clone());
+        };
+        by_blocks(self.sources(), x, relax, &mut outside, next, |(outside, block), rows, x, sums, inside| {
+            let rows = rows.zip(sums.chunks_exact_mut(x.count()).zip(inside.chunks_exact_mut(block.len())));
+            for (s, (sums, inside)) in rows {
+                let (targets, values) = self.slices(s);
+                dot::sparse(targets, values, outside, sums);
+                let first = targets.partition_point(|&t| (t as usize) < block.start);
+                let entries = targets[first..].iter().zip(&values[first..]);
+                for (&t, &value) in entries.take_while(|entry| (*entry.0 as usize) < block.end) {
+                    inside[t as usize - block.start] = value;
+                }
+            }
+        });
+    }
+
     fn slices(&self, s: usize) -> (&[u32], &[f64]) {
         let range = self.values.indptr().outer_inds_sz(s);
         (&self.values.indices()[range.clone()], &self.values.data()[range])
@@ -192,15 +225,29 @@ impl FormFactors for SparseFormFactors {
 
     fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         assert_lengths("gather", (self.targets(), self.sources()), x, &y);
-        by_rows(y, |s, sums| {
-            let (targets, values) = self.slices(s);
-            dot::sparse(targets, values, x, sums);
-        });
+        match x.count() {
+            1 => self.gather_abreast::<1>(x, y),
+            2 => self.gather_abreast::<2>(x, y),
+            _ => self.gather_abreast::<4>(x, y),
+        }
         Ok(Cost::applied(self.values.nnz(), 12, x.count()))
     }
 
     fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
         if self.symmetric { self.gather(x, y) } else { scatter_by_rows(self, x, y) }
+    }
+
+    fn sweep(&self, x: BandsMut<'_>, relax: &mut Relax<'_>) -> Result<Cost, StoreError> {
+        let (n, bands) = (self.sources(), x.count());
+        if n != self.targets() {
+            return sweep_by_rows(self, x, relax);
+        }
+        match bands {
+            1 => self.sweep_abreast::<1>(x, relax),
+            2 => self.sweep_abreast::<2>(x, relax),
+            _ => self.sweep_abreast::<4>(x, relax),
+        }
+        Ok(Cost::applied(self.values.nnz(), 12, bands))
     }
 }
 
