@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{
-    BandValues, Direction, Form, FormFactors, Observer, Solution, SolveError, StopRule, StoreError, System,
+    BandValues, Direction, Form, FormFactors, Observer, Solution, SolveError, Solver, StopRule, StoreError, System,
     SystemError, solve,
 };
 use radiosity_form_factors::Rows;
@@ -13,6 +13,7 @@ use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
+use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
@@ -128,7 +129,7 @@ impl Strategy {
 
     /// [`Self::check`] of rows of the name given, symmetric in the full form or not.
     pub(crate) fn check_rows(&self, symmetric: bool, rows: &'static str) -> Result<(), RunError> {
-        let solver = named(&self.solver)?;
+        let solver = named(&self.solver, self.seed)?;
         let (name, needs) = (solver.name(), solver.needs());
         let form = match self.shape {
             Shape::Full | Shape::TwoLevel => Form::Full,
@@ -261,7 +262,8 @@ fn direct_form<'r>(
     if let (true, None, Filled::Held(store)) = (strategy.repair, &repair, &mut store) {
         repair = Some(mend(&mut **store, &areas, closed)?);
     }
-    let solution = solve_on(geometry, store.store(), form, &strategy.solver, &stop_rule(strategy), observer)?;
+    let solver = &mut *named(&strategy.solver, strategy.seed)?;
+    let solution = solve_system(geometry, store.store(), form, solver, &stop_rule(strategy), observer)?;
     let stored_bytes = store.store().properties().stored_bytes;
     let checked = if stored_bytes > 0 && strategy.verify {
         let mut checked = checked(geometry, store.store(), form, closed)?;
@@ -312,15 +314,26 @@ pub fn solve_on(
     stop: &StopRule,
     observer: &mut dyn Observer,
 ) -> Result<Solution, RunError> {
+    solve_system(geometry, store, form, &mut *named(solver, 1)?, stop, observer)
+}
+
+fn solve_system(
+    geometry: &Geometry<'_>,
+    store: &dyn FormFactors,
+    form: Form,
+    solver: &mut dyn Solver,
+    stop: &StopRule,
+    observer: &mut dyn Observer,
+) -> Result<Solution, RunError> {
     let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
     let areas = geometry.elements().areas();
     let system = System::substructured(store, form, &areas, geometry.parent(), emission.view(), reflectance.view())?;
-    Ok(solve(&system, &mut *named(solver)?, stop, observer)?)
+    Ok(solve(&system, solver, stop, observer)?)
 }
 
-fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
-    radiosity_solvers::by_name(solver)
-        .ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: radiosity_solvers::NAMES.join(", ") })
+fn named(solver: &str, seed: u64) -> Result<Box<dyn Solver>, RunError> {
+    let known = || format!("{}, {STOCHASTIC}", NAMES.join(", "));
+    seeded(solver, seed).ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: known() })
 }
 
 /// Form factors from elements to patches only, area-weighted to the parents; the n × n system solved; one gather.
@@ -331,7 +344,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     // Both triangles of a pairwise estimator estimate the same numbers, so a method that needs symmetry may have it;
     // those of a row-wise one stay as they are.
     let pairwise = matches!(strategy.method, Method::Analytic { .. });
-    let symmetric = pairwise && named(&strategy.solver)?.needs().symmetric;
+    let symmetric = pairwise && named(&strategy.solver, strategy.seed)?.needs().symmetric;
     let (patches, spent) = aggregate_sources(&store, geometry.parent(), geometry.patches().len())?;
     cost += spent;
     let patches = if symmetric { patches.symmetrised() } else { patches };
@@ -348,7 +361,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     )?;
     let (e, rho) = (elements.patch_means(elements.emission()), elements.patch_means(elements.reflectance()));
     let coarse = System::full(&patches, elements.patch_areas(), e.view(), rho.view())?;
-    let mut solution = solve(&coarse, &mut *named(&strategy.solver)?, &stop_rule(strategy), observer)?;
+    let mut solution = solve(&coarse, &mut *named(&strategy.solver, strategy.seed)?, &stop_rule(strategy), observer)?;
     // One gather from the patches to the elements.
     let clock = Instant::now();
     let mut h = BandValues::zeros(elements.bands(), elements.elements());

@@ -72,6 +72,11 @@ pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
     by_name_in(name, direction).ok().flatten()
 }
 
+/// [`by_name`], with the seed of what is random in the method.
+pub fn seeded(name: &str, seed: u64) -> Option<Box<dyn Solver>> {
+    if name == STOCHASTIC { Some(Box::new(StochasticJacobi::new(seed))) } else { by_name(name) }
+}
+
 /// The method called `name`, reading the full form in `direction`; `None` if there is no such method.
 ///
 /// On a symmetric store the direction changes nothing. On rows of a row-wise estimator gathering and shooting solve
