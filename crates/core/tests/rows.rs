@@ -175,7 +175,7 @@ fn draws_give_every_target_its_share_rounded_and_the_rest_is_lost() {
     }
 }
 
-/// Means of 4,000 seeds: the standard error of a share is below 0.5/√4000 = 0.8 %.
+/// Means of 4,000 seeds: the standard error of a share is below 0.5/√4000 = 0.8 %, of which four are allowed.
 #[test]
 fn single_draws_have_the_probabilities_of_the_row() {
     let store = Formula { sources: 3, targets: 9, per_band: false };

@@ -26,10 +26,10 @@ use crate::{STOCHASTIC, fraction};
 /// ```
 ///
 /// Incremental steps take rays in proportion to what they shoot, N for E, so that each ray of the phase carries the same power and all
-/// steps have the same relative error; regular ones take N. (L. Neumann, "Monte Carlo radiosity", Computing 55, 1995; A. Neumann,
-/// L. Neumann, P. Bekaert et al., "Stochastic ray–radiosity" and "well distributed ray sets", EG Workshop on Rendering 1997; P. Bekaert,
-/// *Hierarchical and stochastic algorithms for radiosity*, thesis, Leuven 1999; P. Dutré, P. Bekaert and K. Bala, *Advanced Global
-/// Illumination*, 2nd ed., 2006, chapter 6.)
+/// steps have the same relative error; regular ones take N. (L. Neumann, "Monte Carlo radiosity", Computing 55, 1995; L. Neumann, A. Neumann and
+/// P. Bekaert, "Radiosity with well distributed ray sets", Computer Graphics Forum 16, 1997; P. Bekaert, *Hierarchical and stochastic
+/// algorithms for radiosity*, thesis, Leuven 1999; P. Dutré, P. Bekaert and K. Bala, *Advanced Global Illumination*, 2nd ed., 2006,
+/// chapter 6.)
 ///
 /// **Bands** share the rays, which makes each n̄_s at least what band b alone would give with its share N Σ_s p_sb / Σ p of the rays, p_sb the
 /// term of b in p_s: so its variance is at most that of those rays used for it alone. Bands that are lit alike lose nothing to each other.
@@ -42,8 +42,9 @@ use crate::{STOCHASTIC, fraction};
 /// standard error = √((Σ A ρ σ(H))² + (max ρ · power of a ray/(K + 1))²),      left = Σ A|r| q/(1 − q) · min(1, 1/((1 − q)(K + 1)))
 /// ```
 ///
-/// where the second term stands for targets that no ray has met, and with q the part of the power that the rays of the last incremental step carried which was reflected. Both are estimates, no bounds: σ has 7 degrees of freedom, and the error
-/// is an average over elements of about 0.8 σ.
+/// where the second term stands for targets that no ray has met, and q is the part of the power carried by the rays of the last
+/// incremental step that was reflected. Both are estimates, no bounds: σ has 7 degrees of freedom, and the size of a normal error is
+/// 0.8 σ in the mean.
 ///
 /// - *Reads*: targets drawn by [`FormFactors::sample`](radiosity_core::FormFactors::sample); the full form in the shooting direction and
 ///   patches → elements. A store of cast rays on demand never has a row; any other gives one row for every source that shoots.
@@ -51,7 +52,7 @@ use crate::{STOCHASTIC, fraction};
 ///   N^(−1/2), and faster where a source has many rays for each of its targets, which draws of one call share more evenly than at random.
 /// - *Accuracy*: no residual is known. The loop believes the estimate of the error; where rows are held it makes a last product and
 ///   certifies that.
-/// - *Memory*: four vectors a replicate and band beside x and r, and four bytes a ray of one step.
+/// - *Memory*: six vectors a replicate and band beside x and r, and four bytes a ray of one step.
 #[derive(Clone, Debug)]
 pub struct StochasticJacobi {
     seed: u64,
@@ -169,7 +170,7 @@ impl StochasticJacobi {
         Self { seed, rays: None, replicates, units, phase: Phase::Start, step: 0, power, ray, shot }
     }
 
-    /// With N rays a step; a multiple of 8 is dealt evenly.
+    /// With N rays a step, an eighth of them a replicate.
     ///
     /// # Panics
     ///
