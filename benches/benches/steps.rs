@@ -1,8 +1,8 @@
 //! What does one step of each solver cost?
 //!
 //! The first step after `start` on a dense symmetric store of a random enclosure, one band: a product (Jacobi, conjugate
-//! gradients), a sweep (Gauss–Seidel), a shot (shooting), and for the direct method the factorisation with one
-//! correction. Throughput counts the entries that the step reads, which is n² but for a shot and says little of the direct
+//! gradients), a sweep (Gauss–Seidel), a shot (shooting), 64 draws a row and what they bring (stochastic), and for the direct method the
+//! factorisation with one correction. Throughput counts the entries that the step reads, which is n² but for a shot and says little of the direct
 //! method, whose work is n³.
 
 use std::time::Duration;
@@ -11,7 +11,7 @@ use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, 
 use radiosity_benches::SEED;
 use radiosity_core::{Cost, Iterate, Solver, System};
 use radiosity_gallery::RandomEnclosure;
-use radiosity_solvers::{NAMES, by_name};
+use radiosity_solvers::{NAMES, STOCHASTIC, by_name};
 
 fn start(name: &str, system: &System<'_>) -> (Box<dyn Solver>, Iterate) {
     let mut solver = by_name(name).expect("a name from the list of names");
@@ -28,7 +28,7 @@ fn steps(c: &mut Criterion) {
         let enclosure = RandomEnclosure::new(n, SEED);
         let store = enclosure.dense();
         let system = enclosure.system(&store);
-        for name in NAMES {
+        for name in NAMES.into_iter().chain([STOCHASTIC]) {
             let entries = step(&system, &mut start(name, &system)).entries;
             let mut group = c.benchmark_group(format!("step/{name}"));
             group.warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(3));

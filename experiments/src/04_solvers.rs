@@ -4,9 +4,11 @@
 //! pay? Theory: Jacobi contracts by the spectral radius of ρF, which ρ bounds; Gauss–Seidel takes about half its
 //! sweeps; conjugate gradients follow the few eigenvalues apart from the rest; shooting reads one row a step and is
 //! ahead while little has been shot; a direct method does not see ρ. Recomputed form factors make each pass as dear as
-//! the first. Measured on the Cornell box with all reflectances scaled so that the largest is 0.1 to 0.99, analytic pairs;
+//! the first. Stochastic Jacobi iteration needs none, and its error falls like the root of the rays.
+//! Measured on the Cornell box with all reflectances scaled so that the largest is 0.1 to 0.99, analytic pairs;
 //! error of irradiance against the exact solution of the same system. Read: curves of error inside a run. Not shown:
-//! the mesh's own error, a level in the figure.
+//! the mesh's own error, a level in the figure. The stochastic method runs for a fixed number of steps, on held rows and by rays of
+//! its own; the error of the latter is against the exact form factors.
 
 use std::error::Error;
 
@@ -14,7 +16,8 @@ use radiosity::{Method, Store, Strategy, Yardstick};
 use radiosity_experiments::{Context, Experiment, Profile, Record, SeriesOfRows, Tables, group_by};
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_plot::numbers;
-use radiosity_plot::{Axis, Figure, Panel, Series};
+use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
+use radiosity_solvers::{NAMES, STOCHASTIC};
 
 use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
 use crate::truth::{Fineness, truth};
@@ -37,17 +40,31 @@ fn largest_reflectances(profile: Profile) -> Vec<f64> {
     profile.pick(vec![0.5], vec![0.5, 0.9, 0.99], vec![0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 }
 
-fn strategies(k: u32) -> Vec<Strategy> {
+/// Steps of the method that samples, which reaches no such small error.
+fn sampled_steps(profile: Profile) -> u64 {
+    profile.pick(32, 512, 2048)
+}
+
+fn strategies(k: u32, sampled_steps: u64) -> Vec<Strategy> {
     let mut all = Vec::new();
+    let sampled = |method, store| {
+        let strategy = Strategy::new(Subdivision::Uniform(k), method);
+        let solver = STOCHASTIC.to_owned();
+        Strategy { store, solver, unshot: UNSHOT, steps: sampled_steps, ..strategy }
+    };
     // Solvers of one system come one after the other: its exact solution is taken once.
     for store in Store::ALL {
         // What a store costs shows with one method of each kind.
-        let solvers = if store == Store::Dense { &radiosity_solvers::NAMES[..] } else { &ON_ALL_STORES };
+        let solvers = if store == Store::Dense { &NAMES[..] } else { &ON_ALL_STORES };
         for &solver in solvers {
             let strategy = Strategy::new(Subdivision::Uniform(k), METHOD);
             all.push(Strategy { store, solver: solver.to_owned(), unshot: UNSHOT, ..strategy });
         }
+        if store == Store::Dense {
+            all.push(sampled(METHOD, store));
+        }
     }
+    all.push(sampled(Method::RAY_CAST, Store::KeepNone));
     all
 }
 
@@ -63,13 +80,13 @@ impl Experiment for Solvers {
     fn expects(&self) -> &str {
         "Jacobi contracts by at most ρ, Gauss–Seidel takes about half its sweeps, conjugate gradients a number that hardly \
          grows, a direct method does not see ρ. Shooting leads early. Recomputing form factors pays only for a method that \
-         reads few rows."
+         reads few rows. The error of the stochastic method falls like the inverse root of time, with or without form factors."
     }
 
     fn settings(&self, profile: Profile) -> serde_json::Value {
         serde_json::json!({
             "elements": elements(profile), "reflectances": largest_reflectances(profile), "unshot": UNSHOT,
-            "method": format!("{METHOD:?}"),
+            "method": format!("{METHOD:?}"), "sampled_steps": sampled_steps(profile),
         })
     }
 
@@ -81,7 +98,7 @@ impl Experiment for Solvers {
     fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
         let profile = context.profile();
         let reflectances = largest_reflectances(profile);
-        let strategies = strategies(elements(profile));
+        let strategies = strategies(elements(profile), sampled_steps(profile));
         context.begin(reflectances.len() * (strategies.len() + 4));
         let scene = cornell()?;
         let largest = scene.materials.iter().flat_map(|m| &m.reflectance).copied().fold(0.0, f64::max);
@@ -143,7 +160,9 @@ impl Experiment for Solvers {
             panels.collect::<Vec<_>>()
         };
         let sweeps = {
-            let rows = tables.select(|r| r.text("kind") == "run" && r.text("store") == "dense");
+            let converged =
+                |r: &radiosity_experiments::Row<'_>| r.text("kind") == "run" && r.text("solver") != STOCHASTIC;
+            let rows = tables.select(|r| converged(r) && r.text("store") == "dense");
             let series = group_by(rows, "solver").into_iter().map(|(solver, rows)| {
                 let passes = move |r: &radiosity_experiments::Row<'_>| {
                     let m = r.number("elements");
@@ -168,6 +187,26 @@ impl Experiment for Solvers {
             });
             Panel::bars(ON_ALL_STORES, Axis::linear("time", "s")).title("kept or recomputed, ρ = 0.9").all_series(bars)
         };
+        let sampling = ["0.5", "0.9", "0.99"].into_iter().filter_map(|rho| {
+            let steps = |store: &str| {
+                tables.select(|r| {
+                    let own = r.text("kind") == "step" && r.text("solver") == STOCHASTIC && r.text("store") == store;
+                    own && r.text("reflectance") == rho && r.number("step") >= 1.0
+                })
+            };
+            let series = [
+                ("rows held", STOCHASTIC, "dense", Dash::Solid),
+                ("rays of its own", "ray-cast", "on-demand, recomputed", Dash::Dashed),
+            ];
+            let series = series.map(|(label, colour, store, dash)| {
+                let time = |r: &radiosity_experiments::Row<'_>| (r.seconds("solve_time"), r.number("solver_error"));
+                Series::new(label, colour).rows(steps(store), time).dash(dash)
+            });
+            let axes = (Axis::log("time in the solver", "s"), Axis::log("solver error", "share of the mean"));
+            let panel = Panel::new(axes.0, axes.1).title(format!("largest ρ = {rho}")).all_series(series);
+            (!steps("dense").is_empty()).then(|| panel.slope(-0.5, "slope −½"))
+        });
+        let sampling: Vec<_> = sampling.collect();
         let solver_error = ("solver_error", "solver error");
         vec![
             Figure::new("solver-error-time", "Solver error against time in the solver, dense store")
@@ -190,6 +229,10 @@ impl Experiment for Solvers {
                 .caption("Passes: entries read over m². Right: time of a whole run to η = 10⁻⁸, form factors included.")
                 .panel(sweeps)
                 .panel(stores),
+            Figure::new("sampling", "Stochastic Jacobi iteration: error of the answer as sampled, against time")
+                .caption("On rows that are held, and by rays of its own without any form factor, against the exact form factors. The first steps shoot what is unshot; the later ones shoot all of it, and their answers are averaged.")
+                .panels(sampling)
+                .shared_y(),
         ]
     }
 
@@ -205,6 +248,10 @@ impl Experiment for Solvers {
         };
         let last = runs.last().map_or("0.9", |r| r.text("reflectance"));
         let first = runs.first().map_or("0.9", |r| r.text("reflectance"));
+        let sampled = |store: &str| {
+            let error = find(last, store, STOCHASTIC).map_or(f64::NAN, |r| r.number("solver_error"));
+            format!("{error:.1e}")
+        };
         let seconds = |store: &str, solver: &str| {
             find(last, store, solver).map_or_else(|| "?".into(), |r| numbers::seconds(r.seconds("time")))
         };
@@ -225,6 +272,13 @@ impl Experiment for Solvers {
                 seconds("dense", "jacobi"),
                 seconds("on-demand, recomputed", "shooting"),
                 seconds("dense", "shooting")
+            ),
+            format!(
+                "At ρ = {last}, the stochastic method is at {} in {} on held rows and at {} in {} by rays of its own.",
+                sampled("dense"),
+                seconds("dense", STOCHASTIC),
+                sampled("on-demand, recomputed"),
+                seconds("on-demand, recomputed", STOCHASTIC)
             ),
         ]
     }

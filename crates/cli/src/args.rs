@@ -284,12 +284,16 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
-    /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting or overshooting.
+    /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting or stochastic.
     #[arg(long, value_name = "NAME")]
     pub solver: Option<String>,
-    /// Unshot share of the emitted power at which the solver stops.
-    #[arg(long, value_name = "ETA", default_value_t = 1e-9, value_parser = open_unit)]
-    pub unshot: f64,
+    /// Unshot share of the emitted power at which the solver stops; of the stochastic one the estimated error as a share of it. 1e-9, and
+    /// 1e-2 for the stochastic one, whose time grows like the inverse square, if not given.
+    #[arg(long, value_name = "ETA", value_parser = open_unit)]
+    pub unshot: Option<f64>,
+    /// Most steps of the solver.
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = count)]
+    pub steps: u32,
     /// What is kept of the form factors; packed stores need the analytic method or symmetric saved form factors.
     #[arg(long, value_name = "NAME", value_enum, default_value = "dense")]
     pub store: StoreName,

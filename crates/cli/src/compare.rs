@@ -7,6 +7,7 @@ use radiosity_geometry::Occluders;
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_io::write_atomically;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Point, Quality, Series};
+use radiosity_solvers::STOCHASTIC;
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;
@@ -22,6 +23,8 @@ struct Compared<'a> {
 const GRID: u32 = 8;
 /// The estimators compared.
 const METHODS: [Method; 4] = [Method::ANALYTIC, Method::RAY_CAST, Method::RAYS_AND_EMITTERS, Method::HEMICUBE];
+/// Steps of the solver that samples, which reaches no such small error as the others.
+const SAMPLED_STEPS: u64 = 256;
 /// Pairs of a mesh up to which the best form factors are taken as a whole.
 const MOST_PAIRS: u64 = 4 << 20;
 
@@ -33,18 +36,19 @@ fn strategies(subdivide: u32, unshot: f64, seed: u64, blocking: usize) -> Vec<St
         let pairwise = matches!(method, Method::Analytic { .. });
         let method = if pairwise { Method::analytic_among(blocking) } else { method };
         for store in Store::ALL.into_iter().chain(Store::SYMMETRIC) {
-            for solver in radiosity_solvers::NAMES {
-                // Recomputed rows make sense for the one method that reads few of them.
+            for solver in radiosity_solvers::NAMES.into_iter().chain([STOCHASTIC]) {
+                // Recomputed rows make sense for the one method that reads few of them, and for the one that casts its own rays.
                 let sensible = match store {
                     Store::Dense => true,
-                    Store::KeepNone => solver == "shooting",
+                    Store::KeepNone => solver == "shooting" || (solver == STOCHASTIC && method.name() == "ray-cast"),
                     Store::Sparse | Store::Packed | Store::PackedSingle | Store::KeepAll => {
-                        pairwise && solver != "direct"
+                        pairwise && solver != "direct" && solver != STOCHASTIC
                     }
                 };
                 if sensible {
                     let strategy = Strategy::new(Subdivision::Uniform(subdivide), method);
-                    all.push(Strategy { store, solver: solver.to_owned(), unshot, seed, ..strategy });
+                    let steps = if solver == STOCHASTIC { SAMPLED_STEPS } else { strategy.steps };
+                    all.push(Strategy { store, solver: solver.to_owned(), unshot, steps, seed, ..strategy });
                 }
             }
         }
@@ -144,6 +148,7 @@ fn compared_json(compared: &Compared<'_>) -> Value {
             });
             object["stored_bytes"] = json!(m.run.stored_bytes);
             object["unshot"] = json!(solution.unshot);
+            object["standard_error"] = json!(solution.standard_error);
             object["bound"] = json!(solution.bound());
             object["errors"] = json!({
                 "solver": m.solver_error, "form_factors": m.form_factor_error, "mesh": m.mesh_error,

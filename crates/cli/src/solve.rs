@@ -23,6 +23,9 @@ const MOST_ELEMENTS: usize = 40_000;
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
 
+/// Estimated error at which a solver that samples stops if nothing is asked for.
+const SAMPLED_ERROR: f64 = 1e-2;
+
 /// The mesh asked for; 4 × 4 elements a face if nothing is.
 pub fn mesh_settings(mesh: &MeshArgs) -> MeshSettings {
     let elements = match (mesh.subdivide, mesh.element_size) {
@@ -121,7 +124,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
 
 /// Store, repair, stopping and solver as asked for.
 fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
-    (strategy.unshot, strategy.store, strategy.repair) = (args.unshot, args.store.into(), args.repair);
+    (strategy.steps, strategy.store, strategy.repair) = (args.steps.into(), args.store.into(), args.repair);
     strategy.forecast = if args.forecast { output::FORECAST } else { 0 };
     if args.repair && strategy.shape == Shape::Full {
         // What is repaired is symmetric.
@@ -129,12 +132,13 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
     }
     if let Some(solver) = &args.solver {
         strategy.solver.clone_from(solver);
-        if solver == "shooting" && strategy.shape == Shape::ElementsToPatches {
+        if matches!(solver.as_str(), "shooting" | "stochastic") && strategy.shape == Shape::ElementsToPatches {
             strategy.shape = Shape::PatchesToElements;
         } else if matches!(solver.as_str(), "direct" | "cg") && strategy.shape == Shape::ElementsToPatches {
             strategy.shape = Shape::TwoLevel;
         }
     }
+    strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
 fn dry_run(args: &SolveArgs, geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>) -> Verdict {
@@ -274,6 +278,7 @@ fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value 
         "steps": s.steps,
         "forecast": run.forecast.as_ref().map(|f| output::forecast(f, strategy.unshot)),
         "unshot": s.unshot,
+        "standard_error": s.standard_error,
         "contraction": s.contraction(),
         "bound": s.bound(),
         "sharp_bound": s.certificate.and_then(|certificate| certificate.sharp_bound),
@@ -338,15 +343,19 @@ fn summary(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Vec<S
         }));
     }
     lines.extend(run.forecast.as_ref().map(|f| output::forecast_line(f, strategy.unshot)));
+    let residual = match s.standard_error {
+        Some(error) => format!("standard error {error:.1e} of the power emitted"),
+        None => format!("unshot {:.1e}", s.unshot),
+    };
     lines.extend([
         format!(
-            "{} ({}): {}, {} steps in {:.3} s, unshot {:.1e}{}",
+            "{} ({}): {}, {} steps in {:.3} s, {}{}",
             strategy.solver,
             strategy.shape.name(),
             s.outcome,
             s.steps,
             s.time.as_secs_f64(),
-            s.unshot,
+            residual,
             s.bound().map_or_else(|| ", no bound".to_owned(), |b| format!(", error of the solver at most {b:.1e}")),
         ),
         format!("power emitted {emitted:.6e}, absorbed {absorbed:.6e} (the rest leaves an open scene)"),

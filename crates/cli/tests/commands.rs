@@ -211,6 +211,23 @@ fn a_face_without_area_is_a_row_of_zeros() {
     assert!((object["checks"]["largest_row_sum"]["row_sum"].as_f64().unwrap() - OPPOSED).abs() < 1e-9);
 }
 
+/// No form factor, a standard error, no bound; a target that rays do not reach ends by the steps allowed, with exit code 1.
+#[test]
+fn solving_by_rays_alone_tells_a_standard_error() {
+    let folder = squares("solve_stochastic");
+    let command = "solve squares.obj --subdivide 2 --method ray-cast --store on-demand --solver stochastic --json";
+    let ran = folder.run(command);
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let count = |what: &str| object["solve"]["counts"][what].as_u64().unwrap();
+    assert_eq!((count("form_factors"), count("source_evaluations"), count("entries_read")), (0, 0, 0));
+    assert!(count("rays") >= 64 * 8 && object["standard_error"].as_f64().unwrap() <= 1e-2);
+    assert!(object["bound"].is_null() && object["unshot"].is_null() && object["contraction"].is_null());
+    let limited = folder.run(&format!("{command} --unshot 1e-9 --steps 20"));
+    let object: Value = serde_json::from_str(&limited.stdout).unwrap();
+    assert_eq!((limited.code, object["outcome"].as_str(), object["steps"].as_u64()), (1, Some("step limit"), Some(20)));
+}
+
 #[test]
 fn compare_measures_every_strategy_and_writes_table_and_plot() {
     let folder = squares("compare");

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{BandValues, Bands, BandsMut, Cost, StoreError};
+use crate::{BandValues, Bands, BandsMut, Cost, DrawBuf, Drawn, Draws, StoreError, sample_by_rows};
 
 /// What holds for every row of a store.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -192,6 +192,29 @@ pub trait FormFactors: Sync {
     /// As [`Self::row`].
     fn sweep(&self, x: BandsMut<'_>, relax: &mut Relax<'_>) -> Result<Cost, StoreError> {
         sweep_by_rows(self, x, relax)
+    }
+
+    /// Draws targets of source `s` of area `area` in `band`: t with probability A_s F_st / T, T = max(`area`, Σ_t A_s F_st), and
+    /// [`LOST`](crate::LOST) with what is left. All of `draws` together ask for one row.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn sample(
+        &self,
+        s: usize,
+        band: usize,
+        area: f64,
+        draws: &mut [Draws<'_>],
+        buf: &mut DrawBuf,
+    ) -> Result<Drawn, StoreError> {
+        sample_by_rows(self, s, band, area, draws, buf)
+    }
+
+    /// Whether [`Self::sample`] draws from the entries that [`Self::row`] lends. Where it does not, it casts rays of its own: no row
+    /// is had, and rows cannot verify what was drawn, since they carry errors that it has not.
+    fn draws_from_rows(&self) -> bool {
+        true
     }
 }
 

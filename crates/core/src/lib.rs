@@ -19,6 +19,7 @@ mod cost;
 mod error;
 mod forecast;
 mod form_factors;
+mod sampling;
 mod solve;
 mod solver;
 mod system;
@@ -32,7 +33,8 @@ pub use forecast::Forecast;
 pub use form_factors::{
     Block, Entries, FormFactors, Properties, Relax, Row, RowBuf, gather_by_rows, scatter_by_rows, sweep_by_rows,
 };
+pub use sampling::{DrawBuf, Drawn, Draws, LOST, mix, sample_by_rows, uniform};
 pub use solve::{Observer, Outcome, Solution, Step, StopRule, solve, solve_from};
-pub use solver::{Iterate, Needs, Progress, Solver};
+pub use solver::{Iterate, Needs, Progress, Sampled, Solver};
 pub use system::{Direction, Form, System};
 pub use trace::{Snapshot, Snapshots, Trace, TracePoint};

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use crate::{BandValues, Bands, Certificate, Cost, Iterate, Progress, SolveError, Solver, System};
+use crate::{BandValues, Bands, Certificate, Cost, Iterate, Progress, Sampled, SolveError, Solver, System};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopRule {
-    /// Target of the unshot fraction η = Σ A|r| / Σ A E of the worst band.
+    /// Target of the unshot fraction η = Σ A|r| / Σ A E of the worst band; of the estimated error of a method that samples.
     pub unshot: f64,
     /// Largest number of steps.
     pub steps: u64,
@@ -45,7 +45,7 @@ impl StopRule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Outcome {
-    /// η reached the target.
+    /// η reached the target, or the estimated error of a method that samples did.
     Converged,
     /// η stopped falling above the target: rounding level.
     Stagnated,
@@ -84,7 +84,7 @@ pub struct Step<'a> {
     pub time: Duration,
     /// Spent so far.
     pub cost: Cost,
-    /// η where known.
+    /// η where known, or the estimated error of a method that samples.
     pub unshot: Option<f64>,
     /// x and r.
     pub iterate: &'a Iterate,
@@ -121,7 +121,10 @@ pub struct Solution {
     pub time: Duration,
     /// η of the final residual (as recomputed, if verified); NaN if not known.
     pub unshot: f64,
-    /// All that the final residual says; `None` if not verified.
+    /// Σ A σ(B) / Σ A E of the worst band as a method that samples estimates it, before a last product where one was made; `None` of
+    /// all others. No bound: an error of twice as much is no surprise.
+    pub standard_error: Option<f64>,
+    /// All that the final residual says; `None` if not verified, or where rows cannot verify what was sampled.
     pub certificate: Option<Certificate>,
 }
 
@@ -181,6 +184,7 @@ pub fn solve_from(
         let clock = Instant::now();
         let unshot = match (&iterate.residual, progress) {
             (_, Progress::Breakdown) => None,
+            (_, Progress::Sampled { error, .. }) => Some(error),
             (Some(r), _) => Some(system.unshot(r.view())),
             (None, Progress::Claim { unshot }) if unshot <= stop.unshot || unshot.is_nan() || watch.due(unshot) => {
                 let mut r = iterate.shot.clone();
@@ -200,7 +204,12 @@ pub fn solve_from(
         if unshot.is_some_and(|eta| eta <= stop.unshot) {
             break Outcome::Converged;
         }
-        if let Some(outcome) = unshot.and_then(|eta| watch.judge(eta, steps, solver.patience())) {
+        let ended = match progress {
+            // An estimated error falls slowly and not in every step: it never counts as stuck.
+            Progress::Sampled { unshot, .. } => watch.grown(unshot).then_some(Outcome::NotContracting),
+            _ => unshot.and_then(|eta| watch.judge(eta, steps, solver.patience())),
+        };
+        if let Some(outcome) = ended {
             break outcome;
         }
         if steps >= stop.steps {
@@ -216,7 +225,7 @@ pub fn solve_from(
         cost += spent;
         steps += 1;
     };
-    finish(system, iterate, stop, Ending { outcome, steps, cost, time, direction })
+    finish(system, iterate, solver.sampled(system), stop, Ending { outcome, steps, cost, time, direction })
 }
 
 fn check(system: &System<'_>, solver: &dyn Solver, stop: &StopRule, from: Option<Bands<'_>>) -> Result<(), SolveError> {
@@ -276,8 +285,14 @@ impl Watch {
         self.idle_claims >= 3
     }
 
-    fn judge(&mut self, eta: f64, step: u64, patience: f64) -> Option<Outcome> {
+    /// Whether η has grown far beyond its first value.
+    fn grown(&mut self, eta: f64) -> bool {
         let first = *self.first.get_or_insert(eta);
+        !eta.is_finite() || eta > GROWTH * first
+    }
+
+    fn judge(&mut self, eta: f64, step: u64, patience: f64) -> Option<Outcome> {
+        let grown = self.grown(eta);
         if eta < self.best {
             (self.best, self.best_step) = (eta, step);
             (self.pass, self.rises) = ((eta, step), 0);
@@ -285,7 +300,7 @@ impl Watch {
             self.rises = if eta > self.pass.0 { self.rises + 1 } else { 0 };
             self.pass = (eta, step);
         }
-        if !eta.is_finite() || eta > GROWTH * first {
+        if grown {
             return Some(Outcome::NotContracting);
         }
         let patient = (step - self.best_step) as f64 * self.passes_per_step <= patience;
@@ -303,13 +318,27 @@ struct Ending {
 }
 
 /// B, H, and what can be said about them.
-fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending) -> Result<Solution, SolveError> {
+fn finish(
+    system: &System<'_>,
+    iterate: Iterate,
+    sampled: Option<Sampled>,
+    stop: &StopRule,
+    ending: Ending,
+) -> Result<Solution, SolveError> {
     let Ending { outcome, steps, mut cost, mut time, direction } = ending;
     let Iterate { shot, residual } = iterate;
     let (bands, m) = (system.bands(), system.elements());
     let mut verification = Cost::default();
+    let standard_error = sampled.as_ref().map(|sampled| sampled.standard_error);
+    // What was drawn from rows has them for a last product and a check; what was not is all there is.
+    let verify = stop.verify && (sampled.is_none() || system.store().draws_from_rows());
+    let sampled = sampled.filter(|_| !verify);
+    let known = sampled.is_none();
     let mut irradiance = BandValues::zeros(bands, m);
-    let radiosity = if let (false, Some(r)) = (stop.verify, &residual) {
+    let radiosity = if let Some(sampled) = sampled {
+        irradiance = sampled.irradiance;
+        system.radiosity(irradiance.view())
+    } else if let (false, Some(r)) = (verify, &residual) {
         let mut b = shot.clone();
         b.values_mut().iter_mut().zip(r.values()).for_each(|(b, r)| *b += r);
         for band in 0..bands {
@@ -320,10 +349,10 @@ fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending
         }
         b
     } else {
-        // A method without r needs this pass for its answer; for the others it is a check.
+        // A method without r needs this pass for its answer, and one that samples has a better one of it; for the others it is a check.
         let clock = Instant::now();
         let spent = system.irradiance(direction, shot.view(), irradiance.view_mut())?;
-        if residual.is_none() {
+        if residual.is_none() || standard_error.is_some() {
             cost += spent;
             time += clock.elapsed();
         } else {
@@ -334,12 +363,23 @@ fn finish(system: &System<'_>, iterate: Iterate, stop: &StopRule, ending: Ending
     // r = B − x, from the recomputed B where there is one.
     let mut r = radiosity.clone();
     r.values_mut().iter_mut().zip(shot.values()).for_each(|(r, x)| *r -= x);
-    let unshot = system.unshot(r.view());
+    let unshot = if known { system.unshot(r.view()) } else { f64::NAN };
     let mut certificate = None;
-    if stop.verify {
+    if verify {
         let (found, spent) = Certificate::new(system, direction, shot.view(), r.view())?;
         verification += spent;
         certificate = Some(found);
     }
-    Ok(Solution { radiosity, irradiance, outcome, steps, cost, verification, time, unshot, certificate })
+    Ok(Solution {
+        radiosity,
+        irradiance,
+        outcome,
+        steps,
+        cost,
+        verification,
+        time,
+        unshot,
+        standard_error,
+        certificate,
+    })
 }

@@ -18,7 +18,7 @@ pub struct Needs {
 pub struct Iterate {
     /// x of every element.
     pub shot: BandValues,
-    /// r of every element, if the method keeps it true.
+    /// r of every element, if the method keeps it true; that of the estimate so far of a method that samples.
     pub residual: Option<BandValues>,
 }
 
@@ -32,8 +32,24 @@ pub enum Progress {
         /// The guess.
         unshot: f64,
     },
+    /// The method samples: it has no residual, only an estimate of its error, which the loop believes.
+    Sampled {
+        /// Estimate of Σ A|B* − B| / Σ A E of the worst band: the standard error, and what was never shot; infinite while not known.
+        error: f64,
+        /// Σ A|r| / Σ A E of the worst band as sampled: it only falls where the system contracts.
+        unshot: f64,
+    },
     /// The method broke down (a pivot or a curvature that is not positive) and can do no more.
     Breakdown,
+}
+
+/// What a method that samples knows of its answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampled {
+    /// H of every element; B = E + ρH.
+    pub irradiance: BandValues,
+    /// Σ A σ(B) / Σ A E of the worst band, σ the standard error of each element's mean.
+    pub standard_error: f64,
 }
 
 /// A solution method for B = E + ρFB.
@@ -64,6 +80,11 @@ pub trait Solver {
     /// Part of a whole pass over the form factors that a step is: 1 for a sweep, 1/n for a shot of one of n patches.
     fn passes_per_step(&self, _system: &System<'_>) -> f64 {
         1.0
+    }
+
+    /// The answer so far of a method that samples; `None` before the first step and of all other methods.
+    fn sampled(&self, _system: &System<'_>) -> Option<Sampled> {
+        None
     }
 
     /// Passes over the form factors without a new smallest η after which the run counts as stagnated: more for a method

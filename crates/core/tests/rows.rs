@@ -1,8 +1,8 @@
 //! Rows in every layout, and the products that the trait's own bodies make of them.
 
 use radiosity_core::{
-    BandValues, Block, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError, gather_by_rows,
-    scatter_by_rows, sweep_by_rows,
+    BandValues, Block, Cost, DrawBuf, Draws, Entries, FormFactors, LOST, Properties, Row, RowBuf, StoreError,
+    gather_by_rows, scatter_by_rows, sweep_by_rows,
 };
 
 /// Entry (s, t) of band b is (b + 1) / (1 + s + 2t), or 0 where s + t is a multiple of 4.
@@ -143,4 +143,50 @@ fn costs_add_up_field_by_field() {
     let one = Cost::applied(10, 8, 3) + Cost { rays: 5, form_factors: 2, ..Cost::default() };
     let sum: Cost = [one, one].into_iter().sum();
     assert_eq!(sum, Cost { entries: 20, flops: 120, bytes: 160, rays: 10, form_factors: 4, ..Cost::default() });
+}
+
+/// Targets of n draws from row 1 of a formula, whose entries are 1/(2 + 2t) but for t = 3, 7, …
+fn drawn(n: usize, area: f64, seed: u64) -> (Vec<u32>, f64) {
+    let store = Formula { sources: 3, targets: 9, per_band: false };
+    let mut targets = vec![0; n];
+    let draws = &mut [Draws { seed, targets: &mut targets }];
+    let found = store.sample(1, 0, area, draws, &mut DrawBuf::default()).unwrap();
+    assert_eq!((found.cost.source_evaluations, found.cost.entries), (1, 7));
+    (targets, found.exchange)
+}
+
+#[test]
+fn draws_give_every_target_its_share_rounded_and_the_rest_is_lost() {
+    let store = Formula { sources: 3, targets: 9, per_band: false };
+    let sum: f64 = (0..9).map(|t| store.value(1, t, 0)).sum();
+    // An open row, and one that sums to more than the area.
+    for (area, total) in [(2.0 * sum, 2.0 * sum), (0.5 * sum, sum)] {
+        for (n, seed) in [(1, 1), (7, 2), (1000, 3)] {
+            let (targets, exchange) = drawn(n, area, seed);
+            assert!((exchange - total).abs() <= 1e-15 * total, "{exchange} for {total}");
+            for t in 0..9 {
+                let hits = targets.iter().filter(|&&found| found == t as u32).count() as f64;
+                let share = n as f64 * store.value(1, t, 0) / total;
+                assert!((hits - share).abs() < 1.0, "target {t} of {n}: {hits} for {share}");
+            }
+            let lost = targets.iter().filter(|&&found| found == LOST).count() as f64;
+            assert!((lost - n as f64 * (1.0 - sum / total)).abs() < 1.0 + 1e-9, "{lost}");
+        }
+    }
+}
+
+/// Means of 4,000 seeds: the standard error of a share is below 0.5/√4000 = 0.8 %, of which four are allowed.
+#[test]
+fn single_draws_have_the_probabilities_of_the_row() {
+    let store = Formula { sources: 3, targets: 9, per_band: false };
+    let seeds = 4_000;
+    let mut hits = [0.0; 9];
+    for seed in 0..seeds {
+        if let Some(hits) = hits.get_mut(drawn(1, 3.0, seed).0[0] as usize) {
+            *hits += 1.0 / seeds as f64;
+        }
+    }
+    for (t, share) in hits.iter().enumerate() {
+        assert!((share - store.value(1, t, 0) / 3.0).abs() < 0.03, "target {t}: {share}");
+    }
 }

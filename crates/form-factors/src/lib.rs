@@ -18,4 +18,4 @@ mod rows;
 pub mod stores;
 
 pub use row_wise::Receivers;
-pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run};
+pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, Sampler};

@@ -25,19 +25,21 @@
 //! **Adaptive rows** take rays until √(Σ_t σ²(F_st) + 1/N²) ≤ the error asked for: the standard error of the irradiance that the row
 //! gathers from targets whose radiosities differ at random by 1 W/m²; 1/N stands for targets that no ray has met.
 //!
+//! **Draws** for methods that sample are the rays of one sequence a seed, and nothing else.
+//!
 //! What is *not* here: importance sampling of small targets.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::DVec3;
-use radiosity_core::{Cost, StoreError};
+use radiosity_core::{Cost, Drawn, Draws, LOST, StoreError};
 use radiosity_geometry::{Facets, Hit, Occluders, Polygon};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use crate::row_wise::Receivers;
-use crate::rows::{Rows, mix};
+use crate::rows::{Rows, Sampler, mix};
 
 /// Longest sequence the sampler has: more rays take further, independently scrambled sequences.
 const SEQUENCE: u32 = 1 << 16;
@@ -51,8 +53,6 @@ const FEWEST: u32 = 64;
 const QUANTILE: f64 = 4.53;
 /// Expected hits of a target that is missed with a chance of 0.27 %: −ln 0.0027.
 const MISSED: f64 = 5.9145;
-/// What a ray has met that counts for no target.
-const NONE: u32 = u32::MAX;
 
 /// Ray-cast rows from facets to facets.
 #[derive(Clone, Copy)]
@@ -123,16 +123,16 @@ impl<'a> RayCast<'a> {
 
     /// The targets that some rays of a sequence land on.
     fn cast(&self, source: &Source<'_>, seed: u64, range: Range<u32>) -> Vec<u32> {
-        let rays: Vec<(DVec3, DVec3)> = range
-            .map(|k| {
-                let seed = mix(seed ^ u64::from(k / SEQUENCE)) as u32;
-                source.ray(sample_4d(k % SEQUENCE, 0, seed))
-            })
-            .collect();
+        let rays: Vec<_> = range.map(|k| source.nth_ray(k, seed)).collect();
+        self.land(&rays)
+    }
+
+    /// The targets that rays land on, [`LOST`] where there is none.
+    fn land(&self, rays: &[(DVec3, DVec3)]) -> Vec<u32> {
         let mut hits = vec![None; rays.len()];
-        self.occluders.first_hits(&rays, &mut hits);
+        self.occluders.first_hits(rays, &mut hits);
         let target = |hit: Option<Hit>| self.receivers.target(hit.filter(|hit| hit.front)?.owner as usize);
-        hits.into_iter().map(|hit| target(hit).map_or(NONE, |t| t as u32)).collect()
+        hits.into_iter().map(|hit| target(hit).map_or(LOST, |t| t as u32)).collect()
     }
 }
 
@@ -147,6 +147,12 @@ impl<'a> Source<'a> {
     fn new(facets: &'a Facets, s: usize) -> Self {
         let polygons = facets.polygons(s);
         Self { polygons, frames: polygons.iter().map(Polygon::frame).collect(), area: facets.area(s) }
+    }
+
+    /// Ray k of the sequence of a seed.
+    fn nth_ray(&self, k: u32, seed: u64) -> (DVec3, DVec3) {
+        let seed = mix(seed ^ u64::from(k / SEQUENCE)) as u32;
+        self.ray(sample_4d(k % SEQUENCE, 0, seed))
     }
 
     /// The ray that a point of the unit cube stands for.
@@ -202,7 +208,7 @@ impl Landed {
         squares.fill(0.0);
         let mut counts = vec![0_u32; hits.len()];
         for replicate in targets {
-            let met = || replicate.iter().filter(|&&t| t != NONE).map(|&t| t as usize);
+            let met = || replicate.iter().filter(|&&t| t != LOST).map(|&t| t as usize);
             met().for_each(|t| counts[t] += 1);
             for t in met() {
                 let c = std::mem::take(&mut counts[t]);
@@ -275,5 +281,32 @@ impl Rows for RayCast<'_> {
         let cost =
             Cost { form_factors: values.len() as u64, source_evaluations: 1, rays: rays as u64, ..Cost::default() };
         Ok((cost, area * landed.bound()))
+    }
+
+    fn sampler(&self) -> Option<&dyn Sampler> {
+        Some(self)
+    }
+}
+
+impl Sampler for RayCast<'_> {
+    fn sample(&self, s: usize, draws: &mut [Draws<'_>]) -> Drawn {
+        let exchange = self.sources.area(s);
+        if self.sources.covered(s) {
+            draws.iter_mut().for_each(|draws| draws.targets.fill(LOST));
+            return Drawn { exchange, cost: Cost::default() };
+        }
+        let source = Source::new(self.sources, s);
+        let sequence = |draws: &Draws<'_>| {
+            let seed = mix(self.seed ^ draws.seed);
+            (0..draws.targets.len() as u32).map(move |k| (k, seed))
+        };
+        let rays: Vec<_> = draws.iter().flat_map(sequence).map(|(k, seed)| source.nth_ray(k, seed)).collect();
+        let mut landed = &self.land(&rays)[..];
+        for draws in draws {
+            let (own, rest) = landed.split_at(draws.targets.len());
+            draws.targets.copy_from_slice(own);
+            landed = rest;
+        }
+        Drawn { exchange, cost: Cost { rays: rays.len() as u64, ..Cost::default() } }
     }
 }

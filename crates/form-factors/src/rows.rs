@@ -1,6 +1,7 @@
 //! Rows of exchange areas from an estimator: the seam between estimators and stores.
 
-use radiosity_core::{Cost, StoreError};
+pub(crate) use radiosity_core::mix;
+use radiosity_core::{Cost, Drawn, Draws, StoreError};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
@@ -152,6 +153,17 @@ pub trait Rows: Sync {
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         self.row(s, values)
     }
+
+    /// How targets are drawn without a row, where the estimator can.
+    fn sampler(&self) -> Option<&dyn Sampler> {
+        None
+    }
+}
+
+/// Targets of sources, drawn one by one in proportion to their form factors.
+pub trait Sampler: Sync {
+    /// Draws targets of source s, t with probability F_st; see [`radiosity_core::FormFactors::sample`].
+    fn sample(&self, s: usize, draws: &mut [Draws<'_>]) -> Drawn;
 }
 
 impl<R: Rows + ?Sized> Rows for &R {
@@ -177,6 +189,10 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).upper_row(s, values)
+    }
+
+    fn sampler(&self) -> Option<&dyn Sampler> {
+        (**self).sampler()
     }
 }
 
@@ -253,12 +269,4 @@ impl<P: Pairwise> Rows for PairwiseRows<'_, P> {
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         self.fill(s, if self.symmetric() { s } else { 0 }, values)
     }
-}
-
-/// A well-mixed 64-bit value (the finaliser of Steele, Lea and Flood's SplitMix, 2014): one seed for every purpose.
-pub(crate) fn mix(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }

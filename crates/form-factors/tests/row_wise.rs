@@ -1,10 +1,12 @@
 //! Row-wise estimators: closed scenes, closed forms, observed order, invariance.
 
 use glam::{DMat3, DQuat, DVec3};
+use radiosity_core::{Cost, DrawBuf, Draws, FormFactors};
 use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::{Hemicube, HemicubeError};
 use radiosity_form_factors::ray_cast::RayCast;
+use radiosity_form_factors::stores::{Keep, OnDemand};
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders, Polygon};
 
@@ -276,4 +278,33 @@ fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
         assert!((sum - before).abs() <= 1e-12 * before, "source {s}: {sum} instead of {before}");
         assert!(exact.iter().all(|&value| value >= 0.0));
     }
+}
+
+/// A store that keeps nothing casts the rays that are drawn, and only those; one that keeps rows draws from them.
+#[test]
+fn draws_are_rays_where_no_row_is_kept() {
+    let facets = room(DVec3::new(3.0, 4.0, 5.0), 2, turned);
+    let occluders = Occluders::of_facets(&facets);
+    let rays = || Box::new(RayCast::new(&facets, Receivers::facets(&facets), &occluders, 200, 7));
+    let [casts, kept] = [Keep::None, Keep::All].map(|keep| OnDemand::new(rays(), keep));
+    assert!(!casts.draws_from_rows() && kept.draws_from_rows());
+    let mut exact = vec![0.0; facets.len()];
+    PairwiseRows::new(Analytic::new(None), &facets, &facets, 1e-9, 1).row(3, &mut exact).unwrap();
+    let n = 4096;
+    let (mut first, mut second) = (vec![0; n], vec![0; n]);
+    let draws = &mut [Draws { seed: 1, targets: &mut first }, Draws { seed: 2, targets: &mut second }];
+    let drawn = casts.sample(3, 0, facets.area(3), draws, &mut DrawBuf::default()).unwrap();
+    assert_eq!(drawn.cost, Cost { rays: 2 * n as u64, ..Cost::default() });
+    assert_eq!(drawn.exchange, facets.area(3));
+    for targets in [&first, &second] {
+        for (t, exact) in exact.iter().enumerate() {
+            let share = targets.iter().filter(|&&hit| hit == t as u32).count() as f64 / n as f64;
+            // Four standard errors of independent rays of the largest factor, which those of a sequence keep well below.
+            assert!((share - exact / drawn.exchange).abs() < 0.025, "{share} for {}", exact / drawn.exchange);
+        }
+    }
+    assert_ne!(first, second);
+    let draws = &mut [Draws { seed: 1, targets: &mut first }];
+    let drawn = kept.sample(3, 0, facets.area(3), draws, &mut DrawBuf::default()).unwrap();
+    assert_eq!((drawn.cost.rays, kept.rows_held()), (200, 1));
 }

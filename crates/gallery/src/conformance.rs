@@ -1,6 +1,6 @@
 //! What any store must do, whatever it keeps.
 
-use radiosity_core::{BandValues, Block, Cost, FormFactors, RowBuf};
+use radiosity_core::{BandValues, Block, Cost, DrawBuf, Draws, FormFactors, LOST, RowBuf};
 
 /// Checks a store against its own rows.
 ///
@@ -9,6 +9,7 @@ use radiosity_core::{BandValues, Block, Cost, FormFactors, RowBuf};
 /// - Gather and scatter are the sums over the rows, to rounding; a band alone has the bytes it has among others; rows
 ///   with x = 0 in every band are not asked for by a scatter of rows that are computed.
 /// - A sweep visits every source once and in order, hands over all of the row, and sees what blocks before it changed.
+/// - Draws from rows give every target its share, rounded down or up, and lose what a row lacks of the area.
 /// - Counts of entries and flops are those of the rows; stores known by name hold the bytes their formula says.
 /// - All of this has the same bytes in pools of 1, 2 and 8 threads.
 ///
@@ -23,6 +24,7 @@ pub fn conformance(store: &dyn FormFactors) {
     check_rows(store, &rows);
     check_products(store, &rows);
     check_sweep(store, &rows);
+    check_draws(store, &rows);
     check_bytes(store, &rows[0]);
     check_threads(store, bands);
 }
@@ -172,6 +174,35 @@ fn check_sweep(store: &dyn FormFactors, rows: &[Vec<f64>]) {
     let cost = store.sweep(x.view_mut(), visit).expect("rows can be had");
     assert_eq!(next, sources, "{name}, sweep: sources visited");
     check_counts(store, cost, bands);
+}
+
+/// Of rows whose area is a tenth more than their sum.
+fn check_draws(store: &dyn FormFactors, rows: &[Vec<f64>]) {
+    if !store.draws_from_rows() {
+        return;
+    }
+    let (name, targets, mut buf) = (store.name(), store.targets(), DrawBuf::default());
+    let mut drawn = [vec![0; 3 * targets], vec![0; 7]];
+    for (b, table) in rows.iter().enumerate() {
+        for (s, row) in table.chunks_exact(targets).enumerate() {
+            let (place, area) = (format!("{name}, row {s}, band {b}"), 1.1 * row.iter().sum::<f64>());
+            let mut seed = 0;
+            let draws = drawn.each_mut().map(|targets| {
+                seed += 1;
+                Draws { seed, targets }
+            });
+            let exchange = store.sample(s, b, area, &mut { draws }, &mut buf).expect("a row can be had").exchange;
+            assert_eq!(exchange, area, "{place}: what the draws share");
+            for drawn in &drawn {
+                let mut hits = vec![0.0; targets];
+                drawn.iter().filter(|&&t| t != LOST).for_each(|&t| hits[t as usize] += 1.0);
+                for (t, (hits, entry)) in hits.iter().zip(row).enumerate() {
+                    let share = if area > 0.0 { drawn.len() as f64 * entry / area } else { 0.0 };
+                    assert!((hits - share).abs() < 1.0 + 1e-9, "{place}: {hits} draws of {t} for {share}");
+                }
+            }
+        }
+    }
 }
 
 /// Bytes of stores whose formula is known by their name, after every row has been asked for.

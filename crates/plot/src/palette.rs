@@ -55,6 +55,7 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
         ("direct-f32", [0x44, 0x00, 0xff], Marker::Triangle),
         ("deflated-cg", [0x99, 0xcc, 0x77], Marker::Diamond),
         ("overshooting", [0x77, 0x33, 0x11], Marker::Wedge),
+        ("stochastic", [0x00, 0x99, 0x99], Marker::Circle),
     ],
     // Estimators of form factors.
     &[
@@ -62,7 +63,6 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
         ("ray-cast", [0xbb, 0x55, 0x66], Marker::Square),
         ("hemicube", [0xdd, 0xaa, 0x33], Marker::Triangle),
         ("rays+emitters", [0x66, 0xcc, 0xee], Marker::Wedge),
-        ("stochastic", [0x44, 0xaa, 0x99], Marker::Diamond),
         ("hierarchical", [0x88, 0x22, 0x55], Marker::Star),
         ("analytic, segments", [0x77, 0x00, 0xee], Marker::Pentagon),
         ("ray-cast, adaptive", [0x99, 0x44, 0x00], Marker::Plus),

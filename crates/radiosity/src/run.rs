@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{
-    BandValues, Cost, Direction, Forecast, Form, FormFactors, Observer, Solution, SolveError, StopRule, StoreError,
-    System, SystemError, solve,
+    BandValues, Cost, Direction, Forecast, Form, FormFactors, Observer, Solution, SolveError, Solver, StopRule,
+    StoreError, System, SystemError, solve,
 };
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
@@ -13,6 +13,7 @@ use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
+use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
@@ -141,7 +142,7 @@ impl Strategy {
 
     /// [`Self::check`] of rows of the name given, symmetric in the full form or not.
     pub(crate) fn check_rows(&self, symmetric: bool, rows: &'static str) -> Result<(), RunError> {
-        let solver = named(&self.solver)?;
+        let solver = named(&self.solver, self.seed)?;
         let (name, needs) = (solver.name(), solver.needs());
         let form = match self.shape {
             Shape::Full | Shape::TwoLevel => Form::Full,
@@ -289,7 +290,7 @@ fn direct_form<'r>(
     }
     let (forecast, solution) = with_system(geometry, store.store(), form, |system| {
         let forecast = foresee(system, strategy)?;
-        Ok((forecast, solve(system, &mut *named(&strategy.solver)?, &stop_rule(strategy), observer)?))
+        Ok((forecast, solve(system, &mut *named(&strategy.solver, strategy.seed)?, &stop_rule(strategy), observer)?))
     })?;
     let stored_bytes = store.store().properties().stored_bytes;
     let checked = if stored_bytes > 0 && strategy.verify {
@@ -341,7 +342,7 @@ pub fn solve_on(
     stop: &StopRule,
     observer: &mut dyn Observer,
 ) -> Result<Solution, RunError> {
-    with_system(geometry, store, form, |system| Ok(solve(system, &mut *named(solver)?, stop, observer)?))
+    with_system(geometry, store, form, |system| Ok(solve(system, &mut *named(solver, 1)?, stop, observer)?))
 }
 
 /// Calls `with` with the system that `store` makes of `geometry` in `form`.
@@ -362,14 +363,14 @@ fn foresee(system: &System<'_>, strategy: &Strategy) -> Result<Option<Forecasted
         return Ok(None);
     }
     let clock = Instant::now();
-    let direction = named(&strategy.solver)?.needs().direction;
+    let direction = named(&strategy.solver, strategy.seed)?.needs().direction;
     let (forecast, cost) = Forecast::new(system, direction, strategy.forecast)?;
     Ok(Some(Forecasted { forecast, cost, time: clock.elapsed() }))
 }
 
-fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
-    radiosity_solvers::by_name(solver)
-        .ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: radiosity_solvers::NAMES.join(", ") })
+fn named(solver: &str, seed: u64) -> Result<Box<dyn Solver>, RunError> {
+    let known = || format!("{}, {STOCHASTIC}", NAMES.join(", "));
+    seeded(solver, seed).ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: known() })
 }
 
 /// Form factors from elements to patches only, area-weighted to the parents; the n × n system solved; one gather.
@@ -380,7 +381,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     // Both triangles of a pairwise estimator estimate the same numbers, so a method that needs symmetry may have it;
     // those of a row-wise one stay as they are.
     let pairwise = matches!(strategy.method, Method::Analytic { .. });
-    let symmetric = pairwise && named(&strategy.solver)?.needs().symmetric;
+    let symmetric = pairwise && named(&strategy.solver, strategy.seed)?.needs().symmetric;
     let (patches, spent) = aggregate_sources(&store, geometry.parent(), geometry.patches().len())?;
     cost += spent;
     let patches = if symmetric { patches.symmetrised() } else { patches };
@@ -398,7 +399,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let (e, rho) = (elements.patch_means(elements.emission()), elements.patch_means(elements.reflectance()));
     let coarse = System::full(&patches, elements.patch_areas(), e.view(), rho.view())?;
     let forecast = foresee(&coarse, strategy)?;
-    let mut solution = solve(&coarse, &mut *named(&strategy.solver)?, &stop_rule(strategy), observer)?;
+    let mut solution = solve(&coarse, &mut *named(&strategy.solver, strategy.seed)?, &stop_rule(strategy), observer)?;
     // One gather from the patches to the elements.
     let clock = Instant::now();
     let mut h = BandValues::zeros(elements.bands(), elements.elements());

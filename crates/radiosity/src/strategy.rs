@@ -5,6 +5,7 @@ use radiosity_form_factors::analytic::PartialVisibility;
 #[cfg(doc)]
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_solvers::STOCHASTIC;
 
 /// An estimator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -171,7 +172,7 @@ pub struct Strategy {
     pub repair: bool,
     /// Name of the solver, see [`radiosity_solvers::by_name`].
     pub solver: String,
-    /// Unshot fraction at which the solver stops.
+    /// Unshot fraction at which the solver stops, or the estimated error of one that samples.
     pub unshot: f64,
     /// Largest number of steps.
     pub steps: u64,
@@ -200,6 +201,18 @@ impl Strategy {
             forecast: 0,
             seed: 1,
         }
+    }
+}
+
+impl Strategy {
+    /// Whether the solver samples: its errors end by their estimate and not by a residual.
+    pub fn samples(&self) -> bool {
+        self.solver == STOCHASTIC
+    }
+
+    /// Whether the solver casts rays of its own and has no row: what it solves is the exact system of the mesh.
+    pub fn casts_rays(&self) -> bool {
+        self.samples() && self.store == Store::KeepNone && matches!(self.method, Method::RayCast { .. })
     }
 }
 

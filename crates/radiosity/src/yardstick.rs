@@ -8,13 +8,13 @@
 //! solver error = |H − H_s|,   form-factor error = |H_s − H_f|,   mesh error = |H_f − H*|,   error = |H − H*|
 //! ```
 //!
-//! in the measure of [`crate::errors`]. Everything but the strategy itself happens outside its clock. Where the best form
+//! in the measure of [`crate::errors`]. A solver that casts its own rays solves the system of exact form factors: there H_s is H_f. Everything but the strategy itself happens outside its clock. Where the best form
 //! factors of a mesh would take too many pairs, the form-factor error comes from sampled rows: H of some elements
 //! gathered by the best rows from the strategy's own B, against its own H; the mesh error is then not known.
 
 use std::collections::HashMap;
 
-use radiosity_core::{BandValues, Cost, Direction, Form, FormFactors, RowBuf, Snapshots, StopRule, System};
+use radiosity_core::{BandValues, Cost, Direction, Form, FormFactors, RowBuf, Snapshot, Snapshots, StopRule, System};
 use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand};
 use radiosity_geometry::Scene;
 
@@ -110,30 +110,45 @@ impl<'a> Yardstick<'a> {
         let unwatched: &mut dyn radiosity_core::Observer = &mut ();
         let run = crate::run(self.scene, strategy, if history { &mut snapshots } else { unwatched })?;
         let grid = self.means(&run.geometry, &run.solution.irradiance)?;
-        // The exact solution of the same system.
-        let direction = radiosity_solvers::by_name(&strategy.solver).map_or(Direction::Gather, |s| s.needs().direction);
-        let key = self.solve_exactly(&run.geometry, strategy, direction)?;
-        let exact = self.exact[&key].clone();
         // The best form factors on the same mesh.
-        let (form_factor_error, mesh_error) = match self.best_solution(&run.geometry, strategy)? {
-            Some(best) => (exact.error(&best).rms, Some(best.error(&self.truth).rms)),
+        let best = self.best_solution(&run.geometry, strategy)?;
+        // The exact solution of the same system, where it is known.
+        let exact = if strategy.casts_rays() {
+            best.clone()
+        } else {
+            let solver = radiosity_solvers::by_name(&strategy.solver);
+            let direction = solver.map_or(Direction::Gather, |solver| solver.needs().direction);
+            let key = self.solve_exactly(&run.geometry, strategy, direction)?;
+            Some(self.exact[&key].clone())
+        };
+        let against_exact = |values: &GridValues| exact.as_ref().map_or(f64::NAN, |exact| values.error(exact).rms);
+        let (form_factor_error, mesh_error) = match &best {
+            Some(best) => {
+                let error = exact.as_ref().map_or(f64::NAN, |exact| exact.error(best).rms);
+                (error, Some(best.error(&self.truth).rms))
+            }
             None => (self.sampled_error(&run, strategy)?, None),
         };
         let mut points = Vec::with_capacity(snapshots.taken.len());
         for snapshot in &snapshots.taken {
-            // B = E + ρFx for every method, so the irradiance of a snapshot is Fx.
-            let values = self.means(&run.geometry, &self.irradiance(&run.geometry, strategy, &snapshot.shot)?)?;
+            // B = E + ρFx for every method that knows F, so the irradiance of a snapshot is Fx.
+            let irradiance = if strategy.samples() && strategy.shape != Shape::TwoLevel {
+                sampled_irradiance(&run, snapshot)
+            } else {
+                self.irradiance(&run.geometry, strategy, &snapshot.shot)?
+            };
+            let values = self.means(&run.geometry, &irradiance)?;
             points.push(HistoryPoint {
                 step: snapshot.at.step,
                 seconds: (run.form_factors.time + snapshot.at.time).as_secs_f64(),
                 solver_seconds: snapshot.at.time.as_secs_f64(),
                 cost: run.form_factors.cost + snapshot.at.cost,
-                solver_error: values.error(&exact).rms,
+                solver_error: against_exact(&values),
                 error: values.error(&self.truth).rms,
             });
         }
         let error = grid.error(&self.truth);
-        let solver_error = grid.error(&exact).rms;
+        let solver_error = against_exact(&grid);
         Ok(Measured { run, grid, error, solver_error, form_factor_error, mesh_error, history: points })
     }
 
@@ -227,6 +242,21 @@ impl<'a> Yardstick<'a> {
         }
         Ok((square / weight).sqrt() / (level / weight))
     }
+}
+
+/// H = (B − E)/ρ of a snapshot with B = x + r as sampled; on black elements, which show nothing of H, that of the end.
+fn sampled_irradiance(run: &Run<'_>, snapshot: &Snapshot) -> BandValues {
+    let (geometry, mut h) = (&run.geometry, run.solution.irradiance.clone());
+    let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
+    let data = emission.values().iter().zip(reflectance.values());
+    let residual = snapshot.residual.as_ref().map_or(&[][..], |r| r.values());
+    let radiosity = snapshot.shot.values().iter().zip(residual).map(|(x, r)| x + r);
+    for ((h, b), (e, rho)) in h.values_mut().iter_mut().zip(radiosity).zip(data) {
+        if *rho > 0.0 {
+            *h = (b - e) / rho;
+        }
+    }
+    h
 }
 
 /// The irradiance of a system's solution to η = 1e-13, gathering.

@@ -73,12 +73,14 @@ fn every_store_and_form_gives_the_same_bytes_in_any_pool() {
             (Shape::Full, "jacobi", Store::Sparse),
             (Shape::Full, "shooting", Store::KeepAll),
             (Shape::Full, "shooting", Store::KeepNone),
+            (Shape::Full, "stochastic", Store::KeepNone),
+            (Shape::PatchesToElements, "stochastic", Store::Dense),
             (Shape::ElementsToPatches, "gauss-seidel", Store::Sparse),
             (Shape::PatchesToElements, "shooting", Store::KeepAll),
             (Shape::TwoLevel, "direct", Store::Dense),
         ] {
             let plain = Strategy::new(Subdivision::Uniform(2), method);
-            let mut strategy = Strategy { shape, store, solver: solver.to_owned(), unshot: 1e-2, ..plain };
+            let mut strategy = Strategy { shape, store, solver: solver.to_owned(), unshot: 1e-2, steps: 200, ..plain };
             strategy.mesh.patches = Some(Subdivision::Uniform(1));
             repeats(&scene, &strategy);
         }

@@ -13,6 +13,7 @@
 //! | `gmres` | [`Gmres`] | one product a step | all | no |
 //! | `shooting` | [`Shooting`] | one row a step | full, patches → elements | no |
 //! | `overshooting` | [`Shooting::overshooting`] | one row a step | full, patches → elements | no |
+//! | `stochastic` | [`StochasticJacobi`] | rays, or every row once a step | full, patches → elements | no |
 //!
 //! All bands are solved at once. Stopping, timing and verification are [`radiosity_core::solve`]'s. [`ambient`] is for
 //! display. What is *not* here: geometry, and how form factors are had or kept.
@@ -26,6 +27,7 @@ mod gmres;
 mod jacobi;
 mod over_relaxation;
 mod shooting;
+mod stochastic_jacobi;
 
 use radiosity_core::{Bands, Direction, SolveError, Solver, System};
 
@@ -37,8 +39,12 @@ pub use gmres::Gmres;
 pub use jacobi::Jacobi;
 pub use over_relaxation::OverRelaxation;
 pub use shooting::Shooting;
+pub use stochastic_jacobi::StochasticJacobi;
 
-/// Names that [`by_name`] knows, in the order of [`all`].
+/// Name of the method that samples: its answers carry a standard error instead of a residual.
+pub const STOCHASTIC: &str = "stochastic";
+
+/// Names of the methods that solve a system to rounding, in the order of [`all`]. [`by_name`] knows [`STOCHASTIC`] as well.
 pub const NAMES: [&str; 11] = [
     "direct",
     "direct-f32",
@@ -53,15 +59,22 @@ pub const NAMES: [&str; 11] = [
     "overshooting",
 ];
 
-/// One of each method, in the direction it is made for.
+/// One of each method of [`NAMES`], in the direction it is made for.
 pub fn all() -> Vec<Box<dyn Solver>> {
     NAMES.into_iter().filter_map(by_name).collect()
 }
 
-/// The method called `name`, in the direction it is made for: shooting and overshooting shoot, all others gather.
+/// The method called `name`, in the direction it is made for: shooting, overshooting and the stochastic
+/// one shoot, all others gather.
 pub fn by_name(name: &str) -> Option<Box<dyn Solver>> {
-    let direction = if name.ends_with("shooting") { Direction::Shoot } else { Direction::Gather };
+    let shoots = name.ends_with("shooting") || name == STOCHASTIC;
+    let direction = if shoots { Direction::Shoot } else { Direction::Gather };
     by_name_in(name, direction).ok().flatten()
+}
+
+/// [`by_name`], with the seed of what is random in the method.
+pub fn seeded(name: &str, seed: u64) -> Option<Box<dyn Solver>> {
+    if name == STOCHASTIC { Some(Box::new(StochasticJacobi::new(seed))) } else { by_name(name) }
 }
 
 /// The method called `name`, reading the full form in `direction`; `None` if there is no such method.
@@ -85,6 +98,7 @@ pub fn by_name_in(name: &str, direction: Direction) -> Result<Option<Box<dyn Sol
         "deflated-cg" => Box::new(ConjugateGradient::deflated()),
         "shooting" => Box::new(Shooting::default()),
         "overshooting" => Box::new(Shooting::overshooting()),
+        STOCHASTIC => Box::new(StochasticJacobi::default()),
         _ => return Ok(None),
     };
     let needs = solver.needs();
@@ -115,6 +129,7 @@ mod tests {
     #[test]
     fn every_name_gives_the_solver_of_that_name() {
         assert_eq!(all().iter().map(|solver| solver.name()).collect::<Vec<_>>(), NAMES);
+        assert_eq!(by_name(STOCHASTIC).map(|solver| solver.name()), Some(STOCHASTIC));
         assert!(by_name("gauss").is_none());
     }
 

@@ -2,10 +2,12 @@
 
 use std::sync::OnceLock;
 
-use radiosity_core::{Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError};
+use radiosity_core::{
+    Cost, DrawBuf, Drawn, Draws, Entries, FormFactors, Properties, Row, RowBuf, StoreError, sample_by_rows,
+};
 
 use super::{check_memory, check_row};
-use crate::Rows;
+use crate::{Rows, Sampler};
 
 /// What [`OnDemand`] does with a row it has computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +50,11 @@ impl<'a> OnDemand<'a> {
     /// What is done with rows.
     pub fn keep(&self) -> Keep {
         if self.kept.is_empty() { Keep::None } else { Keep::All }
+    }
+
+    /// What draws targets without a row: that of the estimator, unless rows are kept, which then are what there is to draw from.
+    fn sampler(&self) -> Option<&dyn Sampler> {
+        self.rows.sampler().filter(|_| self.keep() == Keep::None)
     }
 
     /// Number of rows held now.
@@ -97,6 +104,24 @@ impl FormFactors for OnDemand<'_> {
             None => &buf.values,
         };
         Ok(Row { entries: Entries::Dense(values), cost })
+    }
+
+    fn sample(
+        &self,
+        s: usize,
+        band: usize,
+        area: f64,
+        draws: &mut [Draws<'_>],
+        buf: &mut DrawBuf,
+    ) -> Result<Drawn, StoreError> {
+        match self.sampler() {
+            Some(sampler) => Ok(sampler.sample(s, draws)),
+            None => sample_by_rows(self, s, band, area, draws, buf),
+        }
+    }
+
+    fn draws_from_rows(&self) -> bool {
+        self.sampler().is_none()
     }
 }
 
