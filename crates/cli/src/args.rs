@@ -304,6 +304,10 @@ pub struct SolveArgs {
         conflicts_with_all = ["method", "rays", "resolution", "samples", "element_size", "patch_subdivide", "tolerance"]
     )]
     pub form_factors: Option<PathBuf>,
+    /// Solve this scene first, then go on to SCENE, which lists the same faces, of other materials or with one face or one object moved:
+    /// only form factors that can have changed are computed, and the solver starts from the first answer. Says what that saved.
+    #[arg(long, value_name = "BEFORE", conflicts_with_all = ["form_factors", "tolerance"])]
+    pub after: Option<PathBuf>,
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,

@@ -1,8 +1,9 @@
 //! What commands print: one JSON object, or lines for people.
 
 use std::io::Write;
+use std::path::Path;
 
-use radiosity::{ErrorMeasure, Method, Phase, Repair};
+use radiosity::{ErrorMeasure, Method, Phase, Repair, Saving};
 use radiosity_core::Cost;
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks};
@@ -155,6 +156,18 @@ pub fn repair_line(repair: &Repair) -> String {
         "repair: {first}row sums from within {:.1e} to within {:.1e} of 1; form factors change by up to {:.1e} of themselves (rms {:.1e}), by up to {:.1e} at most",
         s.closure_before, s.closure_after, s.largest_relative_change, s.rms_relative_change, s.largest_change
     )
+}
+
+/// What solving again after a change saved, as JSON; `before` is the file solved first.
+pub fn saving(before: &Path, saving: &Saving) -> Value {
+    json!({
+        "before": before.display().to_string(),
+        "recoloured_faces": saving.change.recoloured,
+        "moved_faces": saving.change.moved,
+        "form_factors": { "computed": saving.form_factors, "of": saving.of_form_factors },
+        "rows": { "computed": saving.rows, "of": saving.of_rows },
+        "steps": saving.steps,
+    })
 }
 
 /// An error as JSON.
