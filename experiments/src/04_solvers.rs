@@ -7,6 +7,10 @@
 //! the first. Measured on the Cornell box with all reflectances scaled so that the largest is 0.1 to 0.99, analytic pairs;
 //! error of irradiance against the exact solution of the same system. Read: curves of error inside a run. Not shown:
 //! the mesh's own error, a level in the figure.
+//!
+//! Then, after a change of light, of paint, of one face or of a block: what continuing from the old answer computes of what a run from
+//! nothing computes. Theory: materials change no form factor; a moved surface changes those of its own cells and of the pairs between
+//! which it lay or lies; the start is as near to the answer as the light that changed is small.
 
 use std::error::Error;
 
@@ -16,6 +20,7 @@ use radiosity_geometry::mesh::Subdivision;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
+use crate::changes;
 use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
 use crate::truth::{Fineness, truth};
 
@@ -31,6 +36,11 @@ const FLOOR: f64 = 1e-10;
 
 fn elements(profile: Profile) -> u32 {
     profile.pick(1, 2, 4)
+}
+
+/// Elements of the changed scenes, whose form factors are exact.
+fn changed_elements(profile: Profile) -> u32 {
+    profile.pick(2, 6, 8)
 }
 
 fn largest_reflectances(profile: Profile) -> Vec<f64> {
@@ -69,7 +79,7 @@ impl Experiment for Solvers {
     fn settings(&self, profile: Profile) -> serde_json::Value {
         serde_json::json!({
             "elements": elements(profile), "reflectances": largest_reflectances(profile), "unshot": UNSHOT,
-            "method": format!("{METHOD:?}"),
+            "method": format!("{METHOD:?}"), "changed_elements": changed_elements(profile), "changes": changes::CHANGES,
         })
     }
 
@@ -82,7 +92,7 @@ impl Experiment for Solvers {
         let profile = context.profile();
         let reflectances = largest_reflectances(profile);
         let strategies = strategies(elements(profile));
-        context.begin(reflectances.len() * (strategies.len() + 4));
+        context.begin(reflectances.len() * (strategies.len() + 4) + changes::CHANGES.len());
         let scene = cornell()?;
         let largest = scene.materials.iter().flat_map(|m| &m.reflectance).copied().fold(0.0, f64::max);
         for rho in reflectances {
@@ -118,7 +128,8 @@ impl Experiment for Solvers {
                 context.tick(key);
             }
         }
-        Ok(())
+        let exact = Strategy::new(Subdivision::Uniform(changed_elements(profile)), Method::ANALYTIC);
+        changes::run(context, &scene, &exact)
     }
 
     fn plots(&self, tables: &Tables) -> Vec<Figure> {
@@ -190,6 +201,7 @@ impl Experiment for Solvers {
                 .caption("Passes: entries read over m². Right: time of a whole run to η = 10⁻⁸, form factors included.")
                 .panel(sweeps)
                 .panel(stores),
+            changes::figure(tables),
         ]
     }
 
@@ -208,7 +220,7 @@ impl Experiment for Solvers {
         let seconds = |store: &str, solver: &str| {
             find(last, store, solver).map_or_else(|| "?".into(), |r| numbers::seconds(r.seconds("time")))
         };
-        vec![
+        let mut reading = vec![
             format!(
                 "From ρ = {first} to {last} Jacobi goes from {} to {} sweeps, Gauss–Seidel from {} to {}, conjugate gradients from {} to \
                  {} products.",
@@ -226,6 +238,8 @@ impl Experiment for Solvers {
                 seconds("on-demand, recomputed", "shooting"),
                 seconds("dense", "shooting")
             ),
-        ]
+        ];
+        reading.extend(changes::reading(tables));
+        reading
     }
 }

@@ -9,7 +9,7 @@
 //! once. Bounds of rows do not shrink: a row with a kept entry has at least the bound that it had.
 
 use radiosity_core::{Cost, RowBuf, StoreError};
-use radiosity_geometry::{FacetMap, Polygon};
+use radiosity_geometry::FacetMap;
 
 use crate::analytic::{Analytic, BlockerChange, Sides};
 use crate::stores::Held;
@@ -34,7 +34,8 @@ impl<'a> Before<'a> {
     /// If the maps are not of as many sources and targets as the store has.
     fn check(self, rows: &dyn Rows) -> Self {
         let (sources, targets) = (self.sources, self.targets);
-        let sizes = [(sources.later().len(), targets.later().len()), (sources.earlier().len(), targets.earlier().len())];
+        let sizes =
+            [(sources.later().len(), targets.later().len()), (sources.earlier().len(), targets.earlier().len())];
         let has = [(self.store.sources(), self.store.targets()), (rows.sources(), rows.targets())];
         assert_eq!(sizes, has, "facets before and after the change");
         self
@@ -83,9 +84,7 @@ impl<'a> UpdatedPairs<'a> {
     /// Whether the pair of s and t must be computed, both having been there before.
     fn reached(&self, s: usize, t: usize) -> bool {
         let targets = self.targets.as_ref().unwrap_or(&self.sources);
-        let polygons = || -> Box<dyn Iterator<Item = (&Polygon, &Polygon)> + '_> {
-            Box::new(self.rows.run(s, t).polygons(t).map(|(i, j, _)| (i, j)))
-        };
+        let polygons = self.rows.run(s, t).polygons(t).map(|(i, j, _)| (i, j));
         self.change.reaches((&self.sources, s), (targets, t), polygons)
     }
 

@@ -31,7 +31,9 @@ pub struct SceneChange {
 #[non_exhaustive]
 pub enum CompareError {
     /// Another number of surfaces: which of them is which is not known.
-    #[error("the scene before has {before} surfaces, the one after {after}; only scenes with the same list of surfaces can be compared")]
+    #[error(
+        "the scene before has {before} surfaces, the one after {after}; only scenes with the same list of surfaces can be compared"
+    )]
     Surfaces {
         /// Surfaces before.
         before: usize,

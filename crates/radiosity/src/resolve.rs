@@ -16,12 +16,12 @@
 //! the solver has nothing to do. Against a start from E', whose residual ρFE' is the light reflected once, that is what changed
 //! against what is there: the steps saved are about ln(‖E'‖ / ‖E' − αE‖) over the logarithm of the method's contraction, so a change
 //! of a tenth of the light saves a tenth of the steps to 1e-10, and one of a surface that few see more. Least squares because a
-//! lamp that is added, moved or put out is no multiple of what was there, and a part of it would be.
+//! lamp that is added, moved or put out is no multiple of what was there, and a part of it would be. Direct methods do not start anywhere.
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use radiosity_core::{BandValues, Form, Observer};
+use radiosity_core::{BandValues, Form, Observer, Outcome};
 use radiosity_form_factors::analytic::{BlockerChange, facing_pairs};
 use radiosity_form_factors::stores::Held;
 use radiosity_form_factors::update::{Before, UpdatedPairs, UpdatedRows};
@@ -29,7 +29,7 @@ use radiosity_form_factors::{PairwiseRows, Rows};
 use radiosity_geometry::{Disturbed, FacetMap, Scene, SceneChange};
 
 use crate::estimate::{Filled, analytic, ends};
-use crate::run::{Check, Known, Made, fill_checked, solve_stored, unblocked};
+use crate::run::{Check, Known, fill_checked, solve_stored, unblocked};
 use crate::{Geometry, Method, Phase, Run, RunError, Strategy};
 
 /// A solved scene with its store, from which a similar scene can be solved.
@@ -138,11 +138,7 @@ impl<'a> Solved<'a> {
     /// # Errors
     ///
     /// [`RunError`] as [`crate::run`], and if the scenes cannot be compared.
-    pub fn resolve<'b>(
-        &self,
-        scene: &'b Scene,
-        observer: &mut dyn Observer,
-    ) -> Result<(Solved<'b>, Saving), RunError> {
+    pub fn resolve<'b>(&self, scene: &'b Scene, observer: &mut dyn Observer) -> Result<(Solved<'b>, Saving), RunError> {
         let (strategy, before) = (&self.strategy, &self.run.geometry);
         let change = scene.change_from(before.scene())?;
         let clock = Instant::now();
@@ -171,8 +167,11 @@ impl<'a> Solved<'a> {
             (store, known, update.whole())
         };
         let form_factors = known.form_factors.cost;
-        let start = self.start(&geometry, &maps.elements);
-        let made: Made = solve_stored(&geometry, &*store, known, strategy, Some(start.view()), observer)?;
+        // What a method left that diverged or broke down is no light.
+        let usable = !matches!(self.run.solution.outcome, Outcome::NotContracting | Outcome::Breakdown);
+        let start = usable.then(|| self.start(&geometry, &maps.elements));
+        let from = start.as_ref().map(BandValues::view);
+        let made = solve_stored(&geometry, &*store, known, strategy, from, observer)?;
         let run = made.run(geometry, meshing);
         let saving = Saving {
             change,

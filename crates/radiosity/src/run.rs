@@ -67,7 +67,9 @@ pub enum RunError {
     #[error(transparent)]
     Compare(#[from] CompareError),
     /// A store from which nothing could be taken over.
-    #[error("solving again after a change takes form factors that are held, and the store {store} computes them when asked; choose dense, sparse or a packed one")]
+    #[error(
+        "solving again after a change takes form factors that are held, and the store {store} computes them when asked; choose dense, sparse or a packed one"
+    )]
     NothingHeld {
         /// Name of the store.
         store: &'static str,

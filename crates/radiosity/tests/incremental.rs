@@ -54,8 +54,11 @@ fn room() -> Scene {
         reflectance: rho.to_vec(),
         emission: e.to_vec(),
     };
-    let materials =
-        vec![material("wall", [0.7, 0.5], [0.0; 2]), material("lamp", [0.0, 0.1], [5.0, 2.0]), material("red", [0.6, 0.1], [0.0; 2])];
+    let materials = vec![
+        material("wall", [0.7, 0.5], [0.0; 2]),
+        material("lamp", [0.0, 0.1], [5.0, 2.0]),
+        material("red", [0.6, 0.1], [0.0; 2]),
+    ];
     boxes::scene_of_loops(&loops, materials)
 }
 
@@ -88,7 +91,9 @@ fn assert_same_answer(again: &Solved<'_>, cold: &Solved<'_>) {
         let [x, y] = [found, wanted].map(|solution| solution.certificate.and_then(|c| c.sharp_bound).unwrap());
         let bound = x + y;
         assert!(apart <= bound * emitted, "band {b}: {:e} apart, bounds {bound:e}", apart / emitted);
-        assert!(bound < 1e-7, "{bound:e}");
+        // What single precision rounds off the entries is part of its bounds.
+        let sharp = if again.form_factors().properties().rounding > 0.0 { 1e-5 } else { 1e-7 };
+        assert!(bound < sharp, "{bound:e}");
     }
 }
 
@@ -193,7 +198,8 @@ fn what_blocks_nothing_changes_its_own_pairs_alone() {
         boxes::faces(DVec3::ZERO, DVec3::ONE, true).into_iter().take(5).map(|face| (face, 0)).collect();
     let at = DVec3::new;
     loops.push((vec![at(0.2, 0.2, 1.1), at(0.2, 0.6, 1.1), at(0.6, 0.6, 1.1), at(0.6, 0.2, 1.1)], 1));
-    let scene = boxes::scene_of_loops(&loops, vec![boxes::material("grey", 0.5, 0.0), boxes::material("lid", 0.0, 1.0)]);
+    let scene =
+        boxes::scene_of_loops(&loops, vec![boxes::material("grey", 0.5, 0.0), boxes::material("lid", 0.0, 1.0)]);
     let after = moved(&scene, &[5], at(0.1, 0.2, 0.0));
     let (_, saving) = after_change(&scene, &after, &strategy(3));
     assert_eq!((saving.form_factors, saving.of_form_factors), (9 * 45, 10 * 81 + 9 * 45));
@@ -203,7 +209,8 @@ fn what_blocks_nothing_changes_its_own_pairs_alone() {
 #[test]
 fn what_moves_out_of_sight_of_most_pairs_saves_most() {
     let wall = |x: f64, up: f64, (y, to): (f64, f64), z: f64| {
-        let mut corners = vec![DVec3::new(x, y, z), DVec3::new(x, to, z), DVec3::new(x, to, 2.0), DVec3::new(x, y, 2.0)];
+        let mut corners =
+            vec![DVec3::new(x, y, z), DVec3::new(x, to, z), DVec3::new(x, to, 2.0), DVec3::new(x, y, 2.0)];
         if up < 0.0 {
             corners.reverse();
         }

@@ -94,24 +94,21 @@ impl BlockerChange {
         &self,
         (of_s, s): (&Sides, usize),
         (of_t, t): (&Sides, usize),
-        pairs: impl Fn() -> Box<dyn Iterator<Item = (&'p Polygon, &'p Polygon)> + 'p>,
+        pairs: impl Iterator<Item = (&'p Polygon, &'p Polygon)>,
     ) -> bool {
-        (0..of_s.words).any(|word| {
+        let between = |word: usize| {
             let (i, j) = (s * of_s.words + word, t * of_t.words + word);
             let opposite = (of_s.above[i] & of_t.below[j]) | (of_s.below[i] & of_t.above[j]);
-            let mut left = opposite & of_s.ahead[i] & of_t.ahead[j];
-            if left == 0 {
-                return false;
-            }
-            let facing: Vec<FacingPair> = pairs().filter_map(|(i, j)| FacingPair::new(i, j)).collect();
-            while left != 0 {
-                let screen = &self.screens[64 * word + left.trailing_zeros() as usize];
-                if facing.iter().any(|pair| screen.may_block(pair)) {
-                    return true;
-                }
-                left &= left - 1;
-            }
-            false
+            opposite & of_s.ahead[i] & of_t.ahead[j]
+        };
+        if (0..of_s.words).all(|word| between(word) == 0) {
+            return false;
+        }
+        let facing: Vec<FacingPair> = pairs.filter_map(|(i, j)| FacingPair::new(i, j)).collect();
+        (0..of_s.words).any(|word| {
+            let screens = self.screens.iter().skip(64 * word).take(64).enumerate();
+            let mut left = screens.filter(|(bit, _)| between(word) >> bit & 1 == 1);
+            left.any(|(_, screen)| facing.iter().any(|pair| screen.may_block(pair)))
         })
     }
 }
@@ -152,7 +149,12 @@ pub fn facing_pairs(sources: &Facets, targets: &Facets, chosen_sources: &[u32], 
     };
     let count = |s: usize, t: usize| {
         let pairs = sources.polygons(s).iter().enumerate().flat_map(|(k, i)| {
-            targets.polygons(t).iter().enumerate().filter(move |(l, _)| !(symmetric && s == t && k == *l)).map(move |(_, j)| (i, j))
+            targets
+                .polygons(t)
+                .iter()
+                .enumerate()
+                .filter(move |(l, _)| !(symmetric && s == t && k == *l))
+                .map(move |(_, j)| (i, j))
         });
         pairs.filter(|(i, j)| FacingPair::faces(i, j)).count() as u64
     };
@@ -167,8 +169,8 @@ pub fn facing_pairs(sources: &Facets, targets: &Facets, chosen_sources: &[u32], 
     if symmetric {
         return rows;
     }
-    let columns = chosen_targets.par_iter().map(|&t| {
-        (0..sources.len()).filter(|&s| !in_sources[s]).map(|s| count(s, t as usize)).sum::<u64>()
-    });
+    let columns = chosen_targets
+        .par_iter()
+        .map(|&t| (0..sources.len()).filter(|&s| !in_sources[s]).map(|s| count(s, t as usize)).sum::<u64>());
     rows + columns.sum::<u64>()
 }
