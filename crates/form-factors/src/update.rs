@@ -27,11 +27,7 @@ pub struct Before<'a> {
 }
 
 impl<'a> Before<'a> {
-    /// A store with its maps.
-    ///
-    /// # Panics
-    ///
-    /// If the maps are not of as many sources and targets as the store has.
+    /// Itself, if its maps lead from the store's sources and targets to those of `rows`.
     fn check(self, rows: &dyn Rows) -> Self {
         let (sources, targets) = (self.sources, self.targets);
         let sizes =

@@ -176,7 +176,8 @@ fn moved_plates_and_lamps_of_a_room_leave_the_pairs_that_do_not_meet_them() {
         (moved(&scene, &[7], DVec3::new(0.1, 0.3, 0.0)), "plate, along the floor"),
         (moved(&scene, &[7], DVec3::new(0.0, 0.0, 0.1)), "plate, off the floor"),
         (moved(&scene, &[6], DVec3::new(0.3, 0.0, 0.05)), "lamp"),
-        (moved(&scene, &[0], DVec3::new(-0.5, 0.0, 0.0)), "wall, so that the room is open and others block"),
+        // Twice the size of the scene: other units inside.
+        (moved(&scene, &[0], DVec3::new(-6.0, 0.0, 0.0)), "wall, so that the room is open and other walls may block"),
     ];
     for (after, what) in &shapes {
         let (_, saving) = after_change(&scene, after, &strategy(3));

@@ -34,16 +34,22 @@ pub struct Sides {
     words: usize,
 }
 
-/// Polygons by number: the same for equal polygons of the same owner.
-type Numbers = HashMap<(u32, Vec<[u64; 3]>), u32>;
+/// Numbers of what occurs in two lists of blockers: equal things have one number.
+#[derive(Default)]
+struct Numbers {
+    /// Polygons: owner and corners.
+    polygons: HashMap<(u32, Vec<[u64; 3]>), u32>,
+    /// Bodies: their faces, and whether a pair beside a body is found to be before its faces are looked at.
+    bodies: HashMap<(Vec<u32>, bool), u32>,
+}
 
-/// How a polygon blocks: its number, and the numbers of the faces of its body, if it is of one.
-type Role = (u32, Option<(Vec<u32>, bool)>);
+/// How a polygon blocks: its number, and that of its body, if it is of one.
+type Role = (u32, Option<u32>);
 
 impl BlockerChange {
     /// Compares the blocking polygons of two estimators with their owners, in time proportional to their number.
     pub fn new(before: &Analytic<'_>, after: &Analytic<'_>) -> Self {
-        let mut numbers = Numbers::new();
+        let mut numbers = Numbers::default();
         let roles = [before, after].map(|estimator| roles(estimator, &mut numbers));
         let known = roles.each_ref().map(|roles| roles.iter().collect::<HashSet<_>>());
         let mut screens = Vec::new();
@@ -126,16 +132,17 @@ fn roles(estimator: &Analytic<'_>, numbers: &mut Numbers) -> Vec<Role> {
     let mut number = |k: usize| {
         // Adding 0 makes −0 and +0 the same.
         let corners = occluders.polygons()[k].vertices().iter().map(|v| v.to_array().map(|x| (x + 0.0).to_bits()));
-        let next = numbers.len() as u32;
-        *numbers.entry((occluders.owner(k), corners.collect())).or_insert(next)
+        let next = numbers.polygons.len() as u32;
+        *numbers.polygons.entry((occluders.owner(k), corners.collect())).or_insert(next)
     };
-    let own: Vec<u32> = (0..occluders.len()).map(&mut number).collect();
-    let body = |k: usize| {
-        let body = scene.bodies.of(k)?;
-        let faces = scene.bodies.body(body).faces.iter().map(|&face| own[face]).collect();
-        Some((faces, scene.screens.takes_bodies()))
-    };
-    (0..own.len()).map(|k| (own[k], body(k))).collect()
+    let mut roles: Vec<Role> = (0..occluders.len()).map(|k| (number(k), None)).collect();
+    for body in scene.bodies.iter() {
+        let faces = body.faces.iter().map(|&face| roles[face].0).collect();
+        let next = numbers.bodies.len() as u32;
+        let body_number = *numbers.bodies.entry((faces, scene.screens.takes_bodies())).or_insert(next);
+        body.faces.iter().for_each(|&face| roles[face].1 = Some(body_number));
+    }
+    roles
 }
 
 /// Number of pairs of polygons that face each other, each unordered pair once if sources and targets are one list: what a full computation
