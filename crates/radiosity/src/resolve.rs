@@ -150,7 +150,7 @@ impl<'a> Solved<'a> {
             _ => true,
         };
         let (store, known, whole) = if change.moved.is_empty() && same_method {
-            let checks = Check::Known(self.run.checked.clone());
+            let checks = Check::Known(self.run.checked.clone().map(Box::new));
             let known = Known { form_factors: Phase::default(), repair: self.run.repair.clone(), checks };
             (Arc::clone(&self.store), known, self.whole)
         } else if strategy.repair || !same_method {

@@ -257,7 +257,7 @@ pub(crate) enum Check {
     /// What they find; blocked pairs were compared, in this time, before any repair.
     Find(Option<BlockedPairs>, Duration),
     /// What they found before, of the same store.
-    Known(Option<Checked>),
+    Known(Option<Box<Checked>>),
 }
 
 /// Fills a store with `rows` and repairs it if that is asked for; `unblocked` is the tolerance of unblocked values to compare with.
@@ -322,7 +322,7 @@ pub(crate) fn solve_stored(
     };
     let held = store.properties().stored_bytes;
     let checked = match checks {
-        Check::Known(checked) => checked,
+        Check::Known(checked) => checked.map(|checked| *checked),
         Check::Find(blocked, time) if held > 0 && strategy.verify => {
             let mut checked = checked(geometry, store, form, geometry.scene().closed())?;
             checked.time += time;

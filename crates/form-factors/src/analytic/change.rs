@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::Analytic;
 use super::pair::{FacingPair, rounding};
-use super::visibility::Screen;
+use super::visibility::{Screen, any_in_the_way};
 
 /// The polygons that block otherwise for one estimator than for another.
 #[derive(Clone, Debug)]
@@ -110,12 +110,9 @@ impl BlockerChange {
         if (0..of_s.words).all(|word| between(word) == 0) {
             return false;
         }
-        let facing: Vec<FacingPair> = pairs.filter_map(|(i, j)| FacingPair::new(i, j)).collect();
-        (0..of_s.words).any(|word| {
-            let screens = self.screens.iter().skip(64 * word).take(64).enumerate();
-            let mut left = screens.filter(|(bit, _)| between(word) >> bit & 1 == 1);
-            left.any(|(_, screen)| facing.iter().any(|pair| screen.may_block(pair)))
-        })
+        let left = |k: usize| between(k / 64) >> (k % 64) & 1 == 1;
+        let screens = || (0..self.screens.len()).filter(|&k| left(k)).map(|k| &self.screens[k]);
+        pairs.filter_map(|(i, j)| FacingPair::new(i, j)).any(|pair| any_in_the_way(&pair, screens()))
     }
 }
 

@@ -160,13 +160,6 @@ impl Screen {
         (side.above, side.below)
     }
 
-    /// Whether this polygon alone would be found in the way of a pair.
-    pub fn may_block(&self, pair: &FacingPair) -> bool {
-        let mut search = Search::new(pair);
-        search.visit(0, self);
-        search.hidden || !search.blockers.is_empty()
-    }
-
     /// Heights over the plane that rounding may make.
     fn slack(&self, pair: &FacingPair) -> f64 {
         2.0 * (pair.slack.max(self.rounding) + self.thickness)
@@ -183,6 +176,15 @@ struct Search<'a> {
     blockers: Vec<usize>,
     /// Points whose convex hull holds every crossing of a plane by a segment between the polygons.
     crossings: Vec<DVec3>,
+}
+
+/// Whether any of some polygons, each looked at alone, would be found in the way of a pair.
+pub(super) fn any_in_the_way<'s>(pair: &FacingPair, mut screens: impl Iterator<Item = &'s Screen>) -> bool {
+    let mut search = Search::new(pair);
+    screens.any(|screen| {
+        search.visit(0, screen);
+        search.hidden || !search.blockers.is_empty()
+    })
 }
 
 /// How much of a pair one polygon blocks.
