@@ -9,6 +9,10 @@
 //! error of irradiance against the exact solution of the same system. Read: curves of error inside a run. Not shown:
 //! the mesh's own error, a level in the figure. The stochastic method runs for a fixed number of steps, on held rows and by rays of
 //! its own; the error of the latter is against the exact form factors.
+//!
+//! Then, after a change of light, of paint, of one face or of a block: what continuing from the old answer computes of what a run from
+//! nothing computes. Theory: materials change no form factor; a moved surface changes those of its own cells and of the pairs between
+//! which it lay or lies; the start is as near to the answer as the light that changed is small.
 
 use std::error::Error;
 
@@ -19,6 +23,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 use radiosity_solvers::{NAMES, STOCHASTIC};
 
+use crate::changes;
 use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
 use crate::truth::{Fineness, truth};
 
@@ -34,6 +39,11 @@ const FLOOR: f64 = 1e-10;
 
 fn elements(profile: Profile) -> u32 {
     profile.pick(1, 2, 4)
+}
+
+/// Elements of the changed scenes, whose form factors are exact.
+fn changed_elements(profile: Profile) -> u32 {
+    profile.pick(2, 6, 8)
 }
 
 fn largest_reflectances(profile: Profile) -> Vec<f64> {
@@ -87,6 +97,7 @@ impl Experiment for Solvers {
         serde_json::json!({
             "elements": elements(profile), "reflectances": largest_reflectances(profile), "unshot": UNSHOT,
             "method": format!("{METHOD:?}"), "sampled_steps": sampled_steps(profile),
+            "changed_elements": changed_elements(profile), "changes": changes::CHANGES,
         })
     }
 
@@ -99,7 +110,7 @@ impl Experiment for Solvers {
         let profile = context.profile();
         let reflectances = largest_reflectances(profile);
         let strategies = strategies(elements(profile), sampled_steps(profile));
-        context.begin(reflectances.len() * (strategies.len() + 4));
+        context.begin(reflectances.len() * (strategies.len() + 4) + changes::CHANGES.len());
         let scene = cornell()?;
         let largest = scene.materials.iter().flat_map(|m| &m.reflectance).copied().fold(0.0, f64::max);
         for rho in reflectances {
@@ -135,7 +146,8 @@ impl Experiment for Solvers {
                 context.tick(key);
             }
         }
-        Ok(())
+        let exact = Strategy::new(Subdivision::Uniform(changed_elements(profile)), Method::ANALYTIC);
+        changes::run(context, &scene, &exact)
     }
 
     fn plots(&self, tables: &Tables) -> Vec<Figure> {
@@ -233,6 +245,7 @@ impl Experiment for Solvers {
                 .caption("On rows that are held, and by rays of its own without any form factor, against the exact form factors. The first steps shoot what is unshot; the later ones shoot all of it, and their answers are averaged.")
                 .panels(sampling)
                 .shared_y(),
+            changes::figure(tables),
         ]
     }
 
@@ -255,7 +268,7 @@ impl Experiment for Solvers {
         let seconds = |store: &str, solver: &str| {
             find(last, store, solver).map_or_else(|| "?".into(), |r| numbers::seconds(r.seconds("time")))
         };
-        vec![
+        let mut reading = vec![
             format!(
                 "From ρ = {first} to {last} Jacobi goes from {} to {} sweeps, Gauss–Seidel from {} to {}, conjugate gradients from {} to \
                  {} products.",
@@ -280,6 +293,8 @@ impl Experiment for Solvers {
                 sampled("on-demand, recomputed"),
                 seconds("on-demand, recomputed", STOCHASTIC)
             ),
-        ]
+        ];
+        reading.extend(changes::reading(tables));
+        reading
     }
 }

@@ -1,5 +1,6 @@
 //! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
 
+mod changes;
 mod common;
 #[path = "03_form_factors.rs"]
 mod form_factors;

@@ -311,6 +311,10 @@ pub struct SolveArgs {
     /// Say before the solver begins how many steps it and the others will take: q, spectral radius and condition from 12 products.
     #[arg(long, conflicts_with = "dry_run")]
     pub forecast: bool,
+    /// Solve this scene first, then go on to SCENE, which lists the same faces, of other materials or with one face or one object moved:
+    /// only form factors that can have changed are computed, and the solver starts from the first answer. Says what that saved.
+    #[arg(long, value_name = "BEFORE", conflicts_with_all = ["form_factors", "tolerance"])]
+    pub after: Option<PathBuf>,
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,

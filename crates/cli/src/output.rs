@@ -1,8 +1,9 @@
 //! What commands print: one JSON object, or lines for people.
 
 use std::io::Write;
+use std::path::Path;
 
-use radiosity::{ErrorMeasure, Forecasted, Method, Phase, Repair};
+use radiosity::{ErrorMeasure, Forecasted, Method, Phase, Repair, Saving};
 use radiosity_core::{Cost, Forecast};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks};
@@ -205,6 +206,18 @@ pub fn forecast_line(forecasted: &Forecasted, unshot: f64) -> String {
         f.radius.1,
         steps.collect::<Vec<_>>().join(", ")
     )
+}
+
+/// What solving again after a change saved, as JSON; `before` is the file solved first.
+pub fn saving(before: &Path, saving: &Saving) -> Value {
+    json!({
+        "before": before.display().to_string(),
+        "recoloured_faces": saving.change.recoloured,
+        "moved_faces": saving.change.moved,
+        "form_factors": { "computed": saving.form_factors, "of": saving.of_form_factors },
+        "rows": { "computed": saving.rows, "of": saving.of_rows },
+        "steps": saving.steps,
+    })
 }
 
 /// An error as JSON.

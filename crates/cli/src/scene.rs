@@ -31,9 +31,13 @@ impl Format {
 
 /// The scene with its materials.
 pub fn with_materials(common: &Common) -> Result<Imported, Failure> {
+    read_with_materials(&common.scene, common)
+}
+
+/// Another scene with its materials, read as `common` says.
+pub fn read_with_materials(path: &Path, common: &Common) -> Result<Imported, Failure> {
     let options =
         ReadOptions { clamp_reflectance: common.clamp_reflectance, default_reflectance: common.default_reflectance };
-    let path = &common.scene;
     let imported = match Format::of(path) {
         Format::Obj => read_scene(path, &options)?,
         Format::View3d => read_view3d(path, &options)?.imported,

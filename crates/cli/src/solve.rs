@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use radiosity::{FittedRows, Geometry, GridValues, Method, Run, Shape, Strategy, ToleranceStep};
+use radiosity::{FittedRows, Geometry, GridValues, Method, Run, Saving, Shape, Solved, Strategy, ToleranceStep};
 use radiosity::{default_method, predict, run as run_strategy, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_geometry::{Scene, SceneChange};
 use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
@@ -49,6 +50,16 @@ pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimat
     strategy
 }
 
+/// How a solution was come by.
+enum Way<'a> {
+    /// By one run.
+    Straight,
+    /// By refinement: its steps, and whether the tolerance was met.
+    Refined(Vec<ToleranceStep>, bool),
+    /// From the solution of another scene, which took so many seconds.
+    After { path: &'a Path, seconds: f64, saving: Saving },
+}
+
 /// Form factors from a file, fitted to the mesh.
 struct FromFile {
     path: PathBuf,
@@ -66,9 +77,10 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
     if args.repair && !scene.closed() {
         return Err(RepairError::Open.into());
     }
-    match &args.form_factors {
-        Some(path) => on_saved(args, &imported, path),
-        None => on_computed(args, &imported),
+    match (&args.form_factors, &args.after) {
+        (Some(path), _) => on_saved(args, &imported, path),
+        (None, Some(before)) => after_change(args, &imported, before),
+        (None, None) => on_computed(args, &imported),
     }
 }
 
@@ -84,15 +96,53 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
         return Ok(dry_run(args, &geometry, &strategy, None));
     }
     drop(geometry);
-    let (run, refinement) = match args.tolerance {
+    let (run, way) = match args.tolerance {
         Some(tolerance) => {
             let report_grid = args.report_grid.unwrap_or(8);
             let done = run_to_tolerance(scene, &strategy, tolerance, report_grid, MOST_ELEMENTS)?;
-            (done.run, Some((done.steps, done.met)))
+            (done.run, Way::Refined(done.steps, done.met))
         }
-        None => (run_strategy(scene, &strategy, &mut ())?, None),
+        None => (run_strategy(scene, &strategy, &mut ())?, Way::Straight),
     };
-    finish(args, imported, &strategy, None, &run, refinement)
+    finish(args, imported, &strategy, None, &run, way)
+}
+
+/// Solves the scene of another file first, and this one from its answer.
+fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdict, Failure> {
+    let before = scene::read_with_materials(path, &args.common)?;
+    let change = imported.scene.change_from(&before.scene).map_err(|error| format!("{}: {error}", path.display()))?;
+    one_moved(&imported.scene, &change, path)?;
+    let mesh = mesh_settings(&args.mesh);
+    // What is not asked for is chosen as without the scene before.
+    let geometry = Geometry::new(&imported.scene, &mesh)?;
+    let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
+    finish_strategy(&mut strategy, args);
+    strategy.check()?;
+    if args.common.dry_run {
+        return Ok(dry_run(args, &geometry, &strategy, None));
+    }
+    drop(geometry);
+    let first = Solved::new(&before.scene, &strategy, &mut ())?;
+    let (again, saving) = first.resolve(&imported.scene, &mut ())?;
+    let seconds = first.run().seconds();
+    finish(args, imported, &strategy, None, again.run(), Way::After { path, seconds, saving })
+}
+
+/// Refuses scenes in which more than one surface, or the faces of more than one object, moved.
+fn one_moved(scene: &Scene, change: &SceneChange, before: &Path) -> Result<(), Failure> {
+    let Some(&first) = change.moved.first() else { return Ok(()) };
+    let object = &scene.surfaces[first].name;
+    let other = |s: &&usize| object.is_empty() || scene.surfaces[**s].name != *object;
+    let Some(&second) = change.moved[1..].iter().find(other) else { return Ok(()) };
+    let name = |s: usize| {
+        let surface = &scene.surfaces[s];
+        if surface.name.is_empty() { format!("face {s}") } else { format!("face {s} ('{}')", surface.name) }
+    };
+    let (before, first, second) = (before.display(), name(first), name(second));
+    Err(format!(
+        "{second} is not where it was in {before}, and neither is {first}; --after takes scenes in which one face or one object moved"
+    )
+    .into())
 }
 
 /// Solves on form factors from a file.
@@ -119,7 +169,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
         return Ok(dry_run(args, &geometry, &strategy, Some(&file)));
     }
     let run = run_saved(geometry, &file.rows, &strategy, &mut ())?;
-    finish(args, imported, &strategy, Some(&file), &run, None)
+    finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
 }
 
 /// Store, repair, stopping and solver as asked for.
@@ -154,7 +204,7 @@ fn finish(
     strategy: &Strategy,
     file: Option<&FromFile>,
     run: &Run<'_>,
-    refinement: Option<(Vec<ToleranceStep>, bool)>,
+    way: Way<'_>,
 ) -> Result<Verdict, Failure> {
     let target = args.output.as_deref();
     if let Some(path) = target {
@@ -164,15 +214,29 @@ fn finish(
     object["scene"] = output::import(&imported.report);
     let mut lines = summary(strategy, file, run);
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
-    if let Some((steps, met)) = refinement {
-        object["refinement"] = refinement_json(&steps, met);
-        let last = steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms);
-        lines.push(format!(
-            "estimated rms error of irradiance {last:.2e}; tolerance {}",
-            if met { "met" } else { "not met" }
-        ));
-        if !met {
-            verdict = Verdict::CheckFailed;
+    match way {
+        Way::Straight => {}
+        Way::Refined(steps, met) => {
+            object["refinement"] = refinement_json(&steps, met);
+            let last = steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms);
+            lines.push(format!(
+                "estimated rms error of irradiance {last:.2e}; tolerance {}",
+                if met { "met" } else { "not met" }
+            ));
+            if !met {
+                verdict = Verdict::CheckFailed;
+            }
+        }
+        Way::After { path, seconds, saving } => {
+            object["after"] = output::saving(path, &saving);
+            object["after"]["seconds_before"] = seconds.into();
+            lines.push(format!(
+                "after {} ({seconds:.3} s): {} faces of other material, {} moved; {saving}, {:.3} s",
+                path.display(),
+                saving.change.recoloured.len(),
+                saving.change.moved.len(),
+                run.seconds()
+            ));
         }
     }
     if let Some(path) = target {

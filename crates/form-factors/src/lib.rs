@@ -16,6 +16,7 @@ pub mod repair;
 mod row_wise;
 mod rows;
 pub mod stores;
+pub mod update;
 
 pub use row_wise::Receivers;
 pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, Sampler};

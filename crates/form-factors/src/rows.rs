@@ -217,14 +217,39 @@ impl<'a, P: Pairwise> PairwiseRows<'a, P> {
         Self { estimator, sources, targets, blocks, tolerance, seed }
     }
 
+    /// The estimator.
+    pub fn estimator(&self) -> &P {
+        &self.estimator
+    }
+
+    /// Facets of the sources.
+    pub fn source_facets(&self) -> &'a Facets {
+        self.sources
+    }
+
+    /// Facets of the targets.
+    pub fn target_facets(&self) -> &'a Facets {
+        self.targets
+    }
+
+    /// Source s and the targets from `from` on.
+    pub(crate) fn run(&self, s: usize, from: usize) -> Run<'_> {
+        let &Self { sources, targets, tolerance, seed, .. } = self;
+        Run { sources, targets, blocks: self.blocks.as_ref(), s, from, tolerance, seed }
+    }
+
+    /// Exchange areas of source s with the targets from `from` on, as many as there are `values`.
+    pub(crate) fn part(&self, s: usize, from: usize, values: &mut [f64]) -> (Cost, f64) {
+        self.estimator.exchange_run(&self.run(s, from), values)
+    }
+
     fn fill(&self, s: usize, from: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         assert_eq!(values.len(), self.targets(), "row: length");
-        let &Self { sources, targets, tolerance, seed, .. } = self;
+        let targets = self.targets;
         // Pieces begin at multiples of their length, so that blocks of targets are not cut.
         let (head, tail) = values[from..].split_at_mut((from.next_multiple_of(PIECE) - from).min(targets.len() - from));
         let run = |from: usize, values: &mut [f64]| {
-            let run = Run { sources, targets, blocks: self.blocks.as_ref(), s, from, tolerance, seed };
-            let spent = self.estimator.exchange_run(&run, values);
+            let spent = self.part(s, from, values);
             let all = values.iter().fold(true, |all, value| all & (*value >= 0.0) & (*value < f64::INFINITY));
             if !all && let Some(k) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
                 return Err(StoreError::Value { source_index: s, target_index: from + k, value: values[k] });

@@ -18,6 +18,6 @@ pub use facets::Facets;
 pub use mesh::{Element, Mesh, MeshError, MeshSettings, Piece, ReportCell, ReportGrid, Subdivision};
 pub use occlusion::{Hit, Occluders, blocking_polygons};
 pub use polygon::{Polygon, PolygonError};
-pub use replace::{Change, ChangedRows, changed_rows};
+pub use replace::{Change, CompareError, Disturbed, FacetMap, SceneChange};
 pub use scene::{Material, Scene, SceneError, Surface};
 pub use triangulate::{FaceKind, convex_pieces};

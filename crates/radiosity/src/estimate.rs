@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{Cost, Form, FormFactors, StoreError};
-use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
@@ -34,11 +34,7 @@ pub fn rows<'a>(
     seed: u64,
 ) -> Result<Box<dyn Rows + 'a>, RunError> {
     let (elements, patches) = (geometry.elements(), geometry.patches());
-    let (sources, targets) = match form {
-        Form::Full => (elements, elements),
-        Form::ElementsToPatches => (elements, patches),
-        Form::PatchesToElements => (patches, elements),
-    };
+    let (sources, targets) = ends(geometry, form);
     let receivers = match form {
         Form::ElementsToPatches => Receivers::grouped(elements, geometry.parent(), patches.len()),
         Form::Full | Form::PatchesToElements => Receivers::facets(elements),
@@ -51,6 +47,21 @@ pub fn rows<'a>(
         return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
     }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
+}
+
+/// What the rows of a form run between: sources and targets.
+pub(crate) fn ends<'g>(geometry: &'g Geometry<'_>, form: Form) -> (&'g Facets, &'g Facets) {
+    let (elements, patches) = (geometry.elements(), geometry.patches());
+    match form {
+        Form::Full => (elements, elements),
+        Form::ElementsToPatches => (elements, patches),
+        Form::PatchesToElements => (patches, elements),
+    }
+}
+
+/// The analytic estimator among `blockers`.
+pub(crate) fn analytic(blockers: &Occluders, partial: PartialVisibility) -> Analytic<'_> {
+    Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial)
 }
 
 /// Pairs from sources to whole emitting surfaces, which it owns.
@@ -144,8 +155,7 @@ fn build<'a>(
 ) -> Result<Box<dyn Rows + 'a>, RunError> {
     Ok(match method {
         Method::Analytic { tolerance, partial } => {
-            let estimator = Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial);
-            Box::new(PairwiseRows::new(estimator, sources, targets, tolerance, seed))
+            Box::new(PairwiseRows::new(analytic(blockers, partial), sources, targets, tolerance, seed))
         }
         // Between cells there is no emission: plain rays.
         Method::RayCast { rays, error } => {

@@ -3,16 +3,16 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{
-    BandValues, Cost, Direction, Forecast, Form, FormFactors, Observer, Solution, SolveError, Solver, StopRule,
-    StoreError, System, SystemError, solve,
+    BandValues, Bands, Cost, Direction, Forecast, Form, FormFactors, Observer, Solution, SolveError, Solver, StopRule,
+    StoreError, System, SystemError, solve_from,
 };
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
 use radiosity_form_factors::hemicube::HemicubeError;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
-use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
+use radiosity_geometry::{CompareError, Scene};
 use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
@@ -63,6 +63,17 @@ pub enum RunError {
         store: &'static str,
         /// Stores that will do.
         instead: &'static str,
+    },
+    /// Two scenes that cannot be compared.
+    #[error(transparent)]
+    Compare(#[from] CompareError),
+    /// A store from which nothing could be taken over.
+    #[error(
+        "solving again after a change takes form factors that are held, and the store {store} computes them when asked; choose dense, sparse or a packed one"
+    )]
+    NothingHeld {
+        /// Name of the store.
+        store: &'static str,
     },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
@@ -185,17 +196,10 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
-    let made = match strategy.shape {
-        Shape::TwoLevel => two_level(&geometry, strategy, observer),
-        shape => {
-            let rows = crate::rows(&geometry, strategy.method, shape.form(), strategy.seed)?;
-            let unblocked = match strategy.method {
-                Method::Analytic { tolerance, .. } => Some(tolerance),
-                _ => None,
-            };
-            direct_form(&geometry, rows, unblocked, strategy, observer)
-        }
-    }?;
+    let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
+    let (store, known) = fill_checked(&geometry, rows, unblocked(strategy.method), strategy)?;
+    let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
+    drop(store);
     Ok(made.run(geometry, meshing))
 }
 
@@ -209,6 +213,14 @@ pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase
     let asked = Strategy { forecast: strategy.forecast.max(1), steps: 0, verify: false, ..strategy.clone() };
     let run = run(scene, &asked, &mut ())?;
     Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
+}
+
+/// The tolerance of unblocked values that those of a method can be compared with.
+pub(crate) fn unblocked(method: Method) -> Option<f64> {
+    match method {
+        Method::Analytic { tolerance, .. } => Some(tolerance),
+        _ => None,
+    }
 }
 
 /// Solves the scene of `geometry` on saved form factors, fitted to it by [`crate::SavedFormFactors::fit`]; store, solver, repair and
@@ -226,12 +238,14 @@ pub fn run_saved<'a>(
     strategy.check_rows(saved.symmetric(), saved.name())?;
     // Bounds as small as a tolerance are of no use to an unblocked value that is worse.
     let unblocked = (saved.symmetric() && saved.has_bounds()).then_some(1e-10);
-    let made = direct_form(&geometry, Box::new(saved), unblocked, strategy, observer)?;
+    let (store, known) = fill_checked(&geometry, Box::new(saved), unblocked, strategy)?;
+    let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
+    drop(store);
     Ok(made.run(geometry, Phase::default()))
 }
 
 /// What solving gives beside the geometry.
-struct Made {
+pub(crate) struct Made {
     form_factors: Phase,
     stored_bytes: u64,
     checked: Option<Checked>,
@@ -241,7 +255,11 @@ struct Made {
 }
 
 impl Made {
-    fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
+    pub(crate) fn steps(&self) -> u64 {
+        self.solution.steps
+    }
+
+    pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
         let Self { form_factors, stored_bytes, checked, repair, forecast, solution } = self;
         Run { geometry, meshing, form_factors, stored_bytes, checked, repair, forecast, solution }
     }
@@ -252,14 +270,30 @@ fn stop_rule(strategy: &Strategy) -> StopRule {
     if strategy.verify { rule } else { rule.unverified() }
 }
 
-/// Fills a store with `rows`, repairs it if that is asked for, and solves; `unblocked` is the tolerance of unblocked values to compare with.
-fn direct_form<'r>(
+/// What is known of a store before anything is solved on it.
+#[derive(Clone, Debug)]
+pub(crate) struct Known {
+    pub form_factors: Phase,
+    pub repair: Option<Repair>,
+    pub checks: Check,
+}
+
+/// What checks of a store are to say.
+#[derive(Clone, Debug)]
+pub(crate) enum Check {
+    /// What they find; blocked pairs were compared, in this time, before any repair.
+    Find(Option<BlockedPairs>, Duration),
+    /// What they found before, of the same store.
+    Known(Option<Box<Checked>>),
+}
+
+/// Fills a store with `rows` and repairs it if that is asked for; `unblocked` is the tolerance of unblocked values to compare with.
+pub(crate) fn fill_checked<'r>(
     geometry: &Geometry<'_>,
     rows: Box<dyn Rows + 'r>,
     unblocked: Option<f64>,
     strategy: &Strategy,
-    observer: &mut dyn Observer,
-) -> Result<Made, RunError> {
+) -> Result<(Filled<'r>, Known), RunError> {
     let (form, closed) = (strategy.shape.form(), geometry.scene().closed());
     let areas = if form == Form::PatchesToElements { geometry.patches() } else { geometry.elements() }.areas();
     if strategy.repair && !closed {
@@ -274,7 +308,9 @@ fn direct_form<'r>(
         repair = Some(mended);
         ((Filled::Held(Box::new(store)), cost), time)
     } else {
-        (fill(rows, strategy.store)?, clock.elapsed())
+        // Rows that are summed to those of patches are all read.
+        let kind = if strategy.shape == Shape::TwoLevel { Store::Dense } else { strategy.store };
+        (fill(rows, kind)?, clock.elapsed())
     };
     let form_factors = Phase { cost, time };
     let clock = Instant::now();
@@ -284,23 +320,49 @@ fn direct_form<'r>(
         }
         _ => None,
     };
-    let checking = clock.elapsed();
+    let checks = Check::Find(blocked, clock.elapsed());
     if let (true, None, Filled::Held(store)) = (strategy.repair, &repair, &mut store) {
         repair = Some(mend(&mut **store, &areas, closed)?);
     }
-    let (forecast, solution) = with_system(geometry, store.store(), form, |system| {
-        let forecast = foresee(system, strategy)?;
-        Ok((forecast, solve(system, &mut *named(&strategy.solver, strategy.seed)?, &stop_rule(strategy), observer)?))
-    })?;
-    let stored_bytes = store.store().properties().stored_bytes;
-    let checked = if stored_bytes > 0 && strategy.verify {
-        let mut checked = checked(geometry, store.store(), form, closed)?;
-        checked.time += checking;
-        Some(Checked { blocked, ..checked })
-    } else {
-        None
+    Ok((store, Known { form_factors, repair, checks }))
+}
+
+/// Solves on a store in the shape of `strategy`, from radiosities of a similar scene if they are given, and checks it.
+pub(crate) fn solve_stored(
+    geometry: &Geometry<'_>,
+    store: &dyn FormFactors,
+    known: Known,
+    strategy: &Strategy,
+    from: Option<Bands<'_>>,
+    observer: &mut dyn Observer,
+) -> Result<Made, RunError> {
+    let Known { mut form_factors, repair, checks } = known;
+    let form = strategy.shape.form();
+    let (forecast, solution, patch_bytes) = match strategy.shape {
+        Shape::TwoLevel => {
+            let Coarse { forecast, solution, aggregation, patch_bytes } =
+                two_level(geometry, store, strategy, from, observer)?;
+            form_factors.cost += aggregation.cost;
+            form_factors.time += aggregation.time;
+            (forecast, solution, patch_bytes)
+        }
+        _ => with_system(geometry, store, form, |system| {
+            let forecast = foresee(system, strategy)?;
+            let solver = &mut *named(&strategy.solver, strategy.seed)?;
+            Ok((forecast, solve_from(system, solver, &stop_rule(strategy), observer, from)?, 0))
+        })?,
     };
-    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, solution })
+    let held = store.properties().stored_bytes;
+    let checked = match checks {
+        Check::Known(checked) => checked.map(|checked| *checked),
+        Check::Find(blocked, time) if held > 0 && strategy.verify => {
+            let mut checked = checked(geometry, store, form, geometry.scene().closed())?;
+            checked.time += time;
+            Some(Checked { blocked, ..checked })
+        }
+        Check::Find(..) => None,
+    };
+    Ok(Made { form_factors, stored_bytes: held + patch_bytes, checked, repair, forecast, solution })
 }
 
 /// Checks a store between the elements or patches that `form` says.
@@ -342,7 +404,7 @@ pub fn solve_on(
     stop: &StopRule,
     observer: &mut dyn Observer,
 ) -> Result<Solution, RunError> {
-    with_system(geometry, store, form, |system| Ok(solve(system, &mut *named(solver, 1)?, stop, observer)?))
+    with_system(geometry, store, form, |system| Ok(solve_from(system, &mut *named(solver, 1)?, stop, observer, None)?))
 }
 
 /// Calls `with` with the system that `store` makes of `geometry` in `form`.
@@ -373,23 +435,34 @@ fn named(solver: &str, seed: u64) -> Result<Box<dyn Solver>, RunError> {
     seeded(solver, seed).ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: known() })
 }
 
-/// Form factors from elements to patches only, area-weighted to the parents; the n × n system solved; one gather.
-fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Made, RunError> {
+/// The solution of the two-level form, and what its n × n matrix took.
+struct Coarse {
+    forecast: Option<Forecasted>,
+    solution: Solution,
+    aggregation: Phase,
+    patch_bytes: u64,
+}
+
+/// Form factors from elements to patches, area-weighted to the parents; the n × n system solved; one gather.
+fn two_level(
+    geometry: &Geometry<'_>,
+    store: &dyn FormFactors,
+    strategy: &Strategy,
+    from: Option<Bands<'_>>,
+    observer: &mut dyn Observer,
+) -> Result<Coarse, RunError> {
     let clock = Instant::now();
-    let rows = crate::rows(geometry, strategy.method, Form::ElementsToPatches, strategy.seed)?;
-    let (store, mut cost) = DenseFormFactors::assemble(&*rows)?;
     // Both triangles of a pairwise estimator estimate the same numbers, so a method that needs symmetry may have it;
     // those of a row-wise one stay as they are.
     let pairwise = matches!(strategy.method, Method::Analytic { .. });
     let symmetric = pairwise && named(&strategy.solver, strategy.seed)?.needs().symmetric;
-    let (patches, spent) = aggregate_sources(&store, geometry.parent(), geometry.patches().len())?;
-    cost += spent;
+    let (patches, cost) = aggregate_sources(store, geometry.parent(), geometry.patches().len())?;
     let patches = if symmetric { patches.symmetrised() } else { patches };
-    let form_factors = Phase { cost, time: clock.elapsed() };
+    let aggregation = Phase { cost, time: clock.elapsed() };
     // Patch means of the elements' data.
     let areas = geometry.elements().areas();
     let elements = System::substructured(
-        &store,
+        store,
         Form::ElementsToPatches,
         &areas,
         geometry.parent(),
@@ -399,7 +472,10 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let (e, rho) = (elements.patch_means(elements.emission()), elements.patch_means(elements.reflectance()));
     let coarse = System::full(&patches, elements.patch_areas(), e.view(), rho.view())?;
     let forecast = foresee(&coarse, strategy)?;
-    let mut solution = solve(&coarse, &mut *named(&strategy.solver, strategy.seed)?, &stop_rule(strategy), observer)?;
+    let from = from.map(|from| elements.patch_means(from));
+    let from = from.as_ref().map(BandValues::view);
+    let solver = &mut *named(&strategy.solver, strategy.seed)?;
+    let mut solution = solve_from(&coarse, solver, &stop_rule(strategy), observer, from)?;
     // One gather from the patches to the elements.
     let clock = Instant::now();
     let mut h = BandValues::zeros(elements.bands(), elements.elements());
@@ -408,11 +484,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let b = elements.radiosity(h.view());
     solution.time += clock.elapsed();
     (solution.radiosity, solution.irradiance) = (b, h);
-    let stored_bytes = store.properties().stored_bytes + patches.properties().stored_bytes;
-    let closed = geometry.scene().closed();
-    let checked =
-        if strategy.verify { Some(checked(geometry, &store, Form::ElementsToPatches, closed)?) } else { None };
-    Ok(Made { form_factors, stored_bytes, checked, repair: None, forecast, solution })
+    Ok(Coarse { forecast, solution, aggregation, patch_bytes: patches.properties().stored_bytes })
 }
 
 /// The value of its patch for every element.

@@ -24,6 +24,7 @@
 
 mod area_quadrature;
 mod blocks;
+mod change;
 mod closed_forms;
 mod contour;
 mod differential;
@@ -47,6 +48,7 @@ use radiosity_core::Cost;
 use radiosity_geometry::{Facets, Occluders, Polygon};
 
 pub use blocks::FacetBlocks;
+pub use change::{BlockerChange, Sides, facing_pairs};
 pub use closed_forms::{opposed_rectangles, perpendicular_rectangles};
 pub use differential::differential;
 pub use unoccluded::unoccluded;

@@ -37,8 +37,7 @@ impl FacingPair {
     pub fn new(i: &Polygon, j: &Polygon) -> Option<Self> {
         let (p_i, p_j) = (i.vertices()[0], j.vertices()[0]);
         let (n_i, n_j) = (i.normal(), j.normal());
-        let thickness = 2.0 * (i.thickness() + j.thickness());
-        let slack = rounding(i.vertices()).max(rounding(j.vertices())) + thickness;
+        let (slack, thickness) = slack(i, j);
         let above = |v: &[DVec3], p: DVec3, n: DVec3| v.iter().any(|v| (*v - p).dot(n) > slack);
         if !(above(i.vertices(), p_j, n_j) && above(j.vertices(), p_i, n_i)) {
             return None;
@@ -58,6 +57,30 @@ impl FacingPair {
         }
         Some(Self { origin, i: loop_i, j: loop_j, n_i, n_j, slack, thickness, misplaced })
     }
+
+    /// Whether [`Self::new`] gives a pair: without building it where both lie wholly in front of each other, or one behind.
+    pub fn faces(i: &Polygon, j: &Polygon) -> bool {
+        let (slack, _) = slack(i, j);
+        let range = |of: &Polygon, over: &Polygon| {
+            let (p, n) = (over.vertices()[0], over.normal());
+            let heights = of.vertices().iter().map(|v| (*v - p).dot(n));
+            heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
+        };
+        let (above_j, above_i) = (range(i, j), range(j, i));
+        if above_j.1 <= slack || above_i.1 <= slack {
+            return false;
+        }
+        let whole = above_j.0 >= 0.0 && above_i.0 >= 0.0;
+        let broad = |p: &Polygon| p.edges().all(|(a, b)| a.distance_squared(b) > slack * slack);
+        (whole && broad(i) && broad(j)) || Self::new(i, j).is_some()
+    }
+}
+
+/// Distance below which rounding decides on which side of a plane a point lies, and the part of it that the corners' own distances from
+/// their planes make.
+fn slack(i: &Polygon, j: &Polygon) -> (f64, f64) {
+    let thickness = 2.0 * (i.thickness() + j.thickness());
+    (rounding(i.vertices()).max(rounding(j.vertices())) + thickness, thickness)
 }
 
 /// Distances that rounding of the coordinates can produce: 8 ε times the largest coordinate.

@@ -85,7 +85,7 @@ pub(super) struct Screens {
 
 /// A polygon with what its planes need.
 #[derive(Clone, Debug)]
-struct Screen {
+pub(super) struct Screen {
     vertices: Vec<DVec3>,
     normal: DVec3,
     thickness: f64,
@@ -109,7 +109,7 @@ impl Screens {
     /// Sorts a pair by what lies between.
     pub fn classify(&self, occluders: &Occluders, pair: &FacingPair) -> Visibility {
         let mut search = Search::new(pair);
-        if self.screens.len() <= SHORT {
+        if self.takes_bodies() {
             self.singles.iter().for_each(|&k| search.visit(k, &self.screens[k]));
             self.bodies.iter().filter(|faces| !self.beside(faces, pair)).for_each(|faces| {
                 faces.iter().for_each(|&k| search.visit(k, &self.screens[k]));
@@ -118,6 +118,16 @@ impl Screens {
             occluders.overlapping(search.low, search.high, &mut |k| search.visit(k, &self.screens[k]));
         }
         search.result()
+    }
+
+    /// The screen of polygon k.
+    pub fn screen(&self, k: usize) -> &Screen {
+        &self.screens[k]
+    }
+
+    /// Whether polygons beside a pair are left out body by body.
+    pub fn takes_bodies(&self) -> bool {
+        self.screens.len() <= SHORT
     }
 
     /// Whether both polygons are in front of one face of a body: then all of it is behind that face, and out of the way.
@@ -139,6 +149,17 @@ impl Screen {
         Self { rounding: rounding(&vertices), vertices, normal, thickness, low, high, sides }
     }
 
+    /// The corners of the polygon.
+    pub fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+
+    /// Whether points lie above and below the plane by more than a part of the slack of any pair.
+    pub fn sides_of(&self, points: &[DVec3]) -> (bool, bool) {
+        let side = Side::of(points.iter().map(|v| (*v - self.vertices[0]).dot(self.normal)), self.rounding);
+        (side.above, side.below)
+    }
+
     /// Heights over the plane that rounding may make.
     fn slack(&self, pair: &FacingPair) -> f64 {
         2.0 * (pair.slack.max(self.rounding) + self.thickness)
@@ -155,6 +176,15 @@ struct Search<'a> {
     blockers: Vec<usize>,
     /// Points whose convex hull holds every crossing of a plane by a segment between the polygons.
     crossings: Vec<DVec3>,
+}
+
+/// Whether any of some polygons, each looked at alone, would be found in the way of a pair.
+pub(super) fn any_in_the_way<'s>(pair: &FacingPair, mut screens: impl Iterator<Item = &'s Screen>) -> bool {
+    let mut search = Search::new(pair);
+    screens.any(|screen| {
+        search.visit(0, screen);
+        search.hidden || !search.blockers.is_empty()
+    })
 }
 
 /// How much of a pair one polygon blocks.

@@ -32,7 +32,7 @@ pub use sparse::SparseFormFactors;
 pub use tiles::Entry;
 
 /// A store that holds its entries, with a bound for each row, and can scale them in place.
-pub trait Held: FormFactors {
+pub trait Held: FormFactors + Send {
     /// Bound of the error of every entry of row s (three standard errors where sampled), if the estimator gave one.
     fn bound(&self, s: usize) -> Option<f64>;
 
