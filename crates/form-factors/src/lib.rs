@@ -12,10 +12,11 @@ pub mod hemicube;
 pub mod level;
 pub mod point;
 pub mod ray_cast;
+mod ray_points;
 pub mod repair;
 mod row_wise;
 mod rows;
 pub mod stores;
 
 pub use row_wise::Receivers;
-pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run};
+pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, SparseRow};

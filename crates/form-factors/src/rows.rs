@@ -122,6 +122,23 @@ impl<'a> Run<'a> {
     }
 }
 
+/// A row as the list of its entries that are not zero.
+#[derive(Clone, Debug, Default)]
+pub struct SparseRow {
+    /// Targets, ascending, with their exchange areas.
+    pub entries: Vec<(u32, f64)>,
+    /// Space for the row in full.
+    full: Vec<f64>,
+}
+
+impl SparseRow {
+    /// Fills `values` with the row in full.
+    pub fn spread(&self, values: &mut [f64]) {
+        values.fill(0.0);
+        self.entries.iter().for_each(|&(t, value)| values[t as usize] = value);
+    }
+}
+
 /// Rows of exchange areas A_s F_st, computed when asked.
 pub trait Rows: Sync {
     /// Short name of the estimator, for tables.
@@ -143,6 +160,20 @@ pub trait Rows: Sync {
     ///
     /// [`StoreError`] if an entry is no form factor.
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError>;
+
+    /// [`Self::row`] as a list, in place of what `row` held: for estimators that find few entries of many.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        row.full.resize(self.targets(), 0.0);
+        let spent = self.row(s, &mut row.full)?;
+        let nonzero = row.full.iter().enumerate().filter(|(_, value)| **value != 0.0);
+        row.entries.clear();
+        row.entries.extend(nonzero.map(|(t, &value)| (t as u32, value)));
+        Ok(spent)
+    }
 
     /// [`Self::row`], of which only the entries t ≥ s are used: a symmetric store mirrors the rest.
     ///
@@ -173,6 +204,10 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).row(s, values)
+    }
+
+    fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        (**self).sparse_row(s, row)
     }
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {

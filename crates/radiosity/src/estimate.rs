@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use radiosity_core::{Cost, Form, FormFactors, StoreError};
-use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
@@ -46,51 +46,18 @@ pub fn rows<'a>(
     let hits = || geometry.element_occluders();
     if let Method::RaysAndEmitters { rays } = method {
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
-        let pairs = EmitterPairs::new(geometry, sources, seed);
+        let blockers = geometry.blockers();
+        let partial = PartialVisibility::Exact { tolerance: EMITTER_ERROR };
+        let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial);
+        let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, EMITTER_ERROR, seed);
         let emitters = emitters(geometry, form, targets);
         return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
     }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
 }
 
-/// Pairs from sources to whole emitting surfaces, which it owns.
-struct EmitterPairs<'a> {
-    sources: &'a Facets,
-    emitters: Facets,
-    analytic: Analytic<'a>,
-    seed: u64,
-}
-
-impl<'a> EmitterPairs<'a> {
-    fn new(geometry: &'a Geometry<'_>, sources: &'a Facets, seed: u64) -> Self {
-        let blockers = geometry.blockers();
-        let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers));
-        Self { sources, emitters: geometry.emitters().0, analytic, seed }
-    }
-}
-
-impl Rows for EmitterPairs<'_> {
-    fn name(&self) -> &'static str {
-        "analytic"
-    }
-
-    fn sources(&self) -> usize {
-        self.sources.len()
-    }
-
-    fn targets(&self) -> usize {
-        self.emitters.len()
-    }
-
-    fn symmetric(&self) -> bool {
-        false
-    }
-
-    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        // A light is small against the errors that rays leave elsewhere: 1e-8 is exact.
-        PairwiseRows::new(&self.analytic, self.sources, &self.emitters, 1e-8, self.seed).row(s, values)
-    }
-}
+/// Error of the form factor from a source to an emitting surface that is asked of pairs.
+const EMITTER_ERROR: f64 = 1e-6;
 
 /// The targets that each emitting surface is made of.
 fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {
@@ -104,7 +71,7 @@ fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitte
         let of_surface = (0..targets.len()).filter(|&t| surface_of[t] == surface);
         Emitter { targets: of_surface.map(|t| (t as u32, targets.area(t))).collect() }
     };
-    geometry.emitters().1.into_iter().map(members).collect()
+    geometry.emitters().1.iter().map(|&surface| members(surface)).collect()
 }
 
 /// Form factors between cells, each a list of polygons: rows of a matrix file. `elements` are single polygons, `cell`

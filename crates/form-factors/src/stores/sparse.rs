@@ -6,8 +6,8 @@ use radiosity_core::{
 use rayon::prelude::*;
 use sprs::CsMatI;
 
-use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, dot, scale_row};
-use crate::Rows;
+use super::{Held, assert_factors, assert_lengths, by_rows, check_memory, check_row, check_value, dot, scale_row};
+use crate::rows::{Rows, SparseRow};
 
 /// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
 ///
@@ -55,17 +55,20 @@ impl SparseFormFactors {
         let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
         let (mut total, mut bounds, mut diagonal) = (Cost::default(), Vec::with_capacity(sources), 0);
         for begin in (0..sources).step_by(ROWS_AT_ONCE) {
-            let block: Vec<Result<_, StoreError>> = (begin..(begin + ROWS_AT_ONCE).min(sources))
+            let block: Vec<Result<(Vec<(u32, f64)>, Cost, f64), StoreError>> = (begin..(begin + ROWS_AT_ONCE).min(sources))
                 .into_par_iter()
                 .map_init(
-                    || vec![0.0; targets],
-                    |values, s| {
-                        let (cost, bound) = if symmetric { rows.upper_row(s, values) } else { rows.row(s, values) }?;
-                        let first = if symmetric { s } else { 0 };
-                        check_row(s, first, values)?;
-                        let nonzero = (first..targets).filter(|&t| values[t] != 0.0);
-                        let entries: Vec<(u32, f64)> = nonzero.map(|t| (t as u32, values[t])).collect();
-                        Ok((entries, cost, bound))
+                    || (SparseRow::default(), vec![0.0; if symmetric { targets } else { 0 }]),
+                    |(row, values), s| {
+                        if !symmetric {
+                            let (cost, bound) = rows.sparse_row(s, row)?;
+                            row.entries.iter().try_for_each(|&(t, value)| check_value(s, t as usize, value))?;
+                            return Ok((row.entries.clone(), cost, bound));
+                        }
+                        let (cost, bound) = rows.upper_row(s, values)?;
+                        check_row(s, s, values)?;
+                        let nonzero = (s..targets).filter(|&t| values[t] != 0.0);
+                        Ok((nonzero.map(|t| (t as u32, values[t])).collect(), cost, bound))
                     },
                 )
                 .collect();
