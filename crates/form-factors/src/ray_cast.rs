@@ -40,8 +40,9 @@ use crate::rows::{Rows, SparseRow, mix};
 
 /// Most rays handed to a thread at a time: whole bundles.
 const PIECE: usize = 16 * BUNDLE;
-/// Replicates of a row.
-const REPLICATES: usize = 8;
+/// Replicates of a row, and the bits that number them.
+const REPLICATES: usize = 1 << REPLICATE_BITS;
+const REPLICATE_BITS: u32 = 3;
 /// Rays from which on a row has replicates, and with which an adaptive row begins.
 const FEWEST: u32 = 64;
 /// Student's t with 7 degrees of freedom beyond which 0.27 % lie, either way.
@@ -69,9 +70,10 @@ impl<'a> RayCast<'a> {
     ///
     /// # Panics
     ///
-    /// If `rays` is 0.
+    /// If `rays` is 0, or there are 2²⁹ receivers or more.
     pub fn new(sources: &'a Facets, receivers: Receivers<'a>, occluders: &'a Occluders, rays: u32, seed: u64) -> Self {
         assert!(rays > 0, "a row needs at least one ray");
+        assert!(receivers.count() < 1 << (u32::BITS - REPLICATE_BITS), "{} receivers", receivers.count());
         Self { sources, receivers, occluders, points: Points::new(rays, seed), rays, error: None, seed }
     }
 
@@ -95,7 +97,7 @@ impl<'a> RayCast<'a> {
         let mut rays = if self.error.is_some() { FEWEST.min(self.rays) } else { self.rays };
         loop {
             self.extend(&mut targets, &source, &spray, rays as usize);
-            let tally = Tally::new(&targets);
+            let tally = Tally::new(&targets, self.receivers.count());
             match self.error {
                 Some(error) if rays < self.rays && tally.standard_error() > error => {
                     rays = rays.saturating_mul(2).min(self.rays);
@@ -275,7 +277,8 @@ struct Tally {
 }
 
 impl Tally {
-    fn new(targets: &[u32]) -> Self {
+    /// Of the targets of rays in order, of which there are `count`.
+    fn new(targets: &[u32], count: usize) -> Self {
         let rays = targets.len();
         let replicates = if rays < FEWEST as usize { 1 } else { REPLICATES };
         // The first ray of a replicate: all have as many, or one more.
@@ -283,18 +286,19 @@ impl Tally {
         let mut keys = Vec::with_capacity(rays);
         for r in 0..replicates {
             let own = targets[first(r)..first(r + 1)].iter().filter(|&&t| t != NONE);
-            keys.extend(own.map(|&t| u64::from(t) << 32 | r as u64));
+            keys.extend(own.map(|&t| t << REPLICATE_BITS | r as u32));
         }
-        keys.sort_unstable();
-        let share = |keys: &[u64]| {
-            let r = keys[0] as u32 as usize;
-            (keys.len() * keys.len()) as f64 / (first(r + 1) - first(r)) as f64
-        };
-        let of_target = |keys: &[u64]| {
+        let keys = sorted(keys, count);
+        let mut met = Vec::with_capacity(keys.len());
+        for keys in keys.chunk_by(|a, b| a >> REPLICATE_BITS == b >> REPLICATE_BITS) {
+            let share = |keys: &[u32]| {
+                let r = keys[0] as usize % REPLICATES;
+                (keys.len() * keys.len()) as f64 / (first(r + 1) - first(r)) as f64
+            };
             let squares = keys.chunk_by(|a, b| a == b).map(share).sum();
-            ((keys[0] >> 32) as u32, keys.len() as u32, squares)
-        };
-        Self { met: keys.chunk_by(|a, b| a >> 32 == b >> 32).map(of_target).collect(), rays, replicates }
+            met.push((keys[0] >> REPLICATE_BITS, keys.len() as u32, squares));
+        }
+        Self { met, rays, replicates }
     }
 
     /// σ²(F) of every target that was met; there must be replicates.
@@ -327,6 +331,27 @@ impl Tally {
         };
         sampled.max(MISSED / self.rays as f64)
     }
+}
+
+/// Keys in ascending order, digit after digit: those of one target are in order before.
+fn sorted(mut keys: Vec<u32>, targets: usize) -> Vec<u32> {
+    const DIGIT: u32 = 8;
+    let digits = (usize::BITS - targets.leading_zeros()).div_ceil(DIGIT);
+    let mut spare = vec![0; keys.len()];
+    for digit in 0..digits {
+        let place = |key: u32| (key >> (REPLICATE_BITS + digit * DIGIT)) as usize % (1 << DIGIT);
+        let mut ends = [0_u32; 1 << DIGIT];
+        keys.iter().for_each(|&key| ends[place(key)] += 1);
+        let mut begin = 0;
+        ends.iter_mut().for_each(|end| begin += std::mem::replace(end, begin));
+        for &key in &keys {
+            let next = &mut ends[place(key)];
+            spare[*next as usize] = key;
+            *next += 1;
+        }
+        std::mem::swap(&mut keys, &mut spare);
+    }
+    keys
 }
 
 impl Rows for RayCast<'_> {

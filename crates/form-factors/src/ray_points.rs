@@ -155,3 +155,75 @@ impl WithSimd for Fill<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::level::Level;
+
+    fn bundle(points: &Points, seed: u64, first: usize) -> (Square, Bundle) {
+        let (mut square, mut bundle) = (Square::default(), Bundle { len: BUNDLE, ..Bundle::default() });
+        Spray::new(points, seed).fill(first, &mut square, &mut bundle);
+        (square, bundle)
+    }
+
+    /// 256 points of a (0, 8)-sequence: 16 in every sixteenth of an axis, and one in every cell of 16 × 16 of the first two.
+    #[test]
+    fn a_shift_keeps_the_points_of_every_elementary_interval() {
+        let points = Points::new(256, 4);
+        for seed in 0..20 {
+            let (square, bundle) = bundle(&points, seed, 0);
+            let sixteenth = |x: f32| (x * 16.0) as usize;
+            let (mut cells, mut heights) = ([0; 256], [0; 16]);
+            for k in 0..BUNDLE {
+                cells[16 * sixteenth(square.v[k]) + sixteenth(square.u[k])] += 1;
+                // sin²θ; a value within 10⁻⁶ of a border may have been rounded across it.
+                let [x, y] = [0, 1].map(|axis| bundle.direction[axis][k]);
+                heights[sixteenth(x * x + y * y)] += 1;
+            }
+            assert_eq!(cells, [1; 256], "seed {seed}");
+            assert_eq!(heights, [16; 16], "seed {seed}");
+        }
+    }
+
+    /// Over N = 20 · 256 points the mean of cos θ is 2/3, of the others 0, to a few parts in N.
+    #[test]
+    fn directions_are_unit_vectors_distributed_like_the_cosine() {
+        let (points, mut mean) = (Points::new(256, 1), [0.0; 3]);
+        for seed in 0..20 {
+            let (_, bundle) = bundle(&points, seed, 0);
+            for k in 0..BUNDLE {
+                let d = [0, 1, 2].map(|axis| f64::from(bundle.direction[axis][k]));
+                assert!((d.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6 && d[2] > 0.0);
+                (0..3).for_each(|axis| mean[axis] += d[axis] / 5120.0);
+            }
+        }
+        assert!((mean[2] - 2.0 / 3.0).abs() < 1e-3 && mean[0].abs() < 1e-3 && mean[1].abs() < 1e-3, "{mean:?}");
+    }
+
+    #[test]
+    fn further_points_and_other_rows_are_shifted_otherwise() {
+        let points = Points::new(1 << 20, 1);
+        assert_eq!(points.digits[0].len(), SEQUENCE);
+        let first = bundle(&points, 1, 0).0.u;
+        for (seed, at) in [(1, SEQUENCE), (1, BUNDLE), (2, 0)] {
+            assert_ne!(bundle(&points, seed, at).0.u, first);
+        }
+        // What a row has begun with does not depend on how many points there may be.
+        assert_eq!(bundle(&Points::new(100, 1), 1, 0).0.u, first);
+    }
+
+    #[test]
+    fn points_and_directions_are_the_same_bits_on_every_instruction_set() {
+        let points = Points::new(256, 2);
+        let digits = points.digits.each_ref().map(|digits| &digits[..]);
+        let all = Level::all().into_iter().map(|level| {
+            let (mut square, mut bundle) = (Square::default(), Bundle { len: BUNDLE, ..Bundle::default() });
+            let shift = [0x1234, 0x7f_ffff, 0x55_5555, 0x40_0001];
+            level.dispatch(Fill { digits, shift, square: &mut square, bundle: &mut bundle });
+            (square.u, square.v, bundle.direction)
+        });
+        let all: Vec<_> = all.collect();
+        assert!(all.iter().all(|found| *found == all[0]));
+    }
+}

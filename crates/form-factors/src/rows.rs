@@ -132,6 +132,16 @@ pub struct SparseRow {
 }
 
 impl SparseRow {
+    /// Lists what `fill` puts into a row of that many targets, from target `first` on.
+    fn list<T>(&mut self, targets: usize, first: usize, fill: impl FnOnce(&mut [f64]) -> T) -> T {
+        self.full.resize(targets, 0.0);
+        let filled = fill(&mut self.full);
+        let nonzero = self.full.iter().enumerate().skip(first).filter(|(_, value)| **value != 0.0);
+        self.entries.clear();
+        self.entries.extend(nonzero.map(|(t, &value)| (t as u32, value)));
+        filled
+    }
+
     /// Fills `values` with the row in full.
     pub fn spread(&self, values: &mut [f64]) {
         values.fill(0.0);
@@ -167,12 +177,16 @@ pub trait Rows: Sync {
     ///
     /// As [`Self::row`].
     fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
-        row.full.resize(self.targets(), 0.0);
-        let spent = self.row(s, &mut row.full)?;
-        let nonzero = row.full.iter().enumerate().filter(|(_, value)| **value != 0.0);
-        row.entries.clear();
-        row.entries.extend(nonzero.map(|(t, &value)| (t as u32, value)));
-        Ok(spent)
+        row.list(self.targets(), 0, |values| self.row(s, values))
+    }
+
+    /// [`Self::upper_row`] as a list of the entries t ≥ s.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn sparse_upper_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        row.list(self.targets(), s, |values| self.upper_row(s, values))
     }
 
     /// [`Self::row`], of which only the entries t ≥ s are used: a symmetric store mirrors the rest.
@@ -208,6 +222,10 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
         (**self).sparse_row(s, row)
+    }
+
+    fn sparse_upper_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        (**self).sparse_upper_row(s, row)
     }
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {

@@ -45,19 +45,21 @@ pub fn rows<'a>(
     };
     let hits = || geometry.element_occluders();
     if let Method::RaysAndEmitters { rays } = method {
+        let tolerance = EMITTER_ERROR / f64::from(rays);
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
         let blockers = geometry.blockers();
-        let partial = PartialVisibility::Exact { tolerance: EMITTER_ERROR };
+        let partial = PartialVisibility::Exact { tolerance };
         let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial);
-        let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, EMITTER_ERROR, seed);
+        let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, tolerance, seed);
         let emitters = emitters(geometry, form, targets);
         return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
     }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
 }
 
-/// Error of the form factor from a source to an emitting surface that is asked of pairs.
-const EMITTER_ERROR: f64 = 1e-6;
+/// Error of the form factor from a source to an emitting surface that is asked of pairs, times the rays of a row: those
+/// leave each entry uncertain by 6 over their number, and a light may be a few hundred times as bright as what it lights.
+const EMITTER_ERROR: f64 = 0.01;
 
 /// The targets that each emitting surface is made of.
 fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {

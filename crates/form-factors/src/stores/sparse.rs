@@ -19,10 +19,14 @@ pub struct SparseFormFactors {
     symmetric: bool,
 }
 
-/// Rows computed before their zeros are dropped: bounds the scratch while a store is assembled.
-const ROWS_AT_ONCE: usize = 256;
+/// Rows computed before they are put together: bounds the scratch while a store is assembled.
+const ROWS_AT_ONCE: usize = 1024;
+
+/// Rows that one task computes.
+const PIECE: usize = 16;
 
 /// Rows while they are collected.
+#[derive(Default)]
 struct Collected {
     begins: Vec<usize>,
     targets: Vec<u32>,
@@ -52,35 +56,42 @@ impl SparseFormFactors {
     pub fn assemble_within(rows: &dyn Rows, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
         let (sources, targets, symmetric) = (rows.sources(), rows.targets(), rows.symmetric());
         assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
-        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        let mut kept = Collected { begins: vec![0], ..Collected::default() };
         let (mut total, mut bounds, mut diagonal) = (Cost::default(), Vec::with_capacity(sources), 0);
         for begin in (0..sources).step_by(ROWS_AT_ONCE) {
-            let block: Vec<Result<(Vec<(u32, f64)>, Cost, f64), StoreError>> = (begin..(begin + ROWS_AT_ONCE).min(sources))
+            let end = (begin + ROWS_AT_ONCE).min(sources);
+            let pieces: Vec<Result<_, StoreError>> = (begin..end)
                 .into_par_iter()
-                .map_init(
-                    || (SparseRow::default(), vec![0.0; if symmetric { targets } else { 0 }]),
-                    |(row, values), s| {
-                        if !symmetric {
-                            let (cost, bound) = rows.sparse_row(s, row)?;
-                            row.entries.iter().try_for_each(|&(t, value)| check_value(s, t as usize, value))?;
-                            return Ok((row.entries.clone(), cost, bound));
-                        }
-                        let (cost, bound) = rows.upper_row(s, values)?;
-                        check_row(s, s, values)?;
-                        let nonzero = (s..targets).filter(|&t| values[t] != 0.0);
-                        Ok((nonzero.map(|t| (t as u32, values[t])).collect(), cost, bound))
-                    },
-                )
+                .step_by(PIECE)
+                .map_init(SparseRow::default, |row, first| {
+                    let (mut piece, mut spent) = (Collected::default(), Vec::with_capacity(PIECE));
+                    for s in first..(first + PIECE).min(end) {
+                        spent.push(if symmetric { rows.sparse_upper_row(s, row) } else { rows.sparse_row(s, row) }?);
+                        row.entries.iter().try_for_each(|&(t, value)| check_value(s, t as usize, value))?;
+                        piece.targets.extend(row.entries.iter().map(|entry| entry.0));
+                        piece.values.extend(row.entries.iter().map(|entry| entry.1));
+                        piece.begins.push(piece.values.len());
+                    }
+                    Ok((piece, spent))
+                })
                 .collect();
-            for row in block {
-                let (entries, cost, bound) = row?;
-                total += cost;
-                diagonal += usize::from(entries.first().is_some_and(|entry| entry.0 as usize == bounds.len()));
-                bounds.push(bound);
-                kept.targets.extend(entries.iter().map(|entry| entry.0));
-                kept.values.extend(entries.iter().map(|entry| entry.1));
-                kept.begins.push(kept.values.len());
+            for piece in pieces {
+                let (piece, spent) = piece?;
+                let before = kept.values.len();
+                for ((cost, bound), end) in spent.into_iter().zip(piece.begins) {
+                    total += cost;
+                    let first = kept.begins[bounds.len()] - before;
+                    diagonal += usize::from(first < end && piece.targets[first] as usize == bounds.len());
+                    bounds.push(bound);
+                    kept.begins.push(before + end);
+                }
+                kept.targets.extend_from_slice(&piece.targets);
+                kept.values.extend_from_slice(&piece.values);
             }
+            // Room for rows like these, so that what is kept is not copied each time it grows.
+            let more = (kept.values.len() / bounds.len() + 1) * (sources - bounds.len());
+            kept.targets.reserve(more);
+            kept.values.reserve(more);
             let entries = if symmetric { 2 * kept.values.len() - diagonal } else { kept.values.len() };
             check_memory(sources, targets, bytes(sources, entries), limit)?;
         }
@@ -105,7 +116,7 @@ impl SparseFormFactors {
     pub fn from_rows(values: &[f64], sources: usize, targets: usize, symmetric: bool) -> Result<Self, StoreError> {
         assert_eq!(values.len(), sources * targets, "{sources} × {targets} exchange areas");
         assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
-        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        let mut kept = Collected { begins: vec![0], ..Collected::default() };
         for s in 0..sources {
             let row = &values[s * targets..(s + 1) * targets];
             check_row(s, 0, row)?;

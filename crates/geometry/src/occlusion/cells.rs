@@ -221,7 +221,8 @@ impl<'a> Member<'a> {
         let rectangle = places.len() == 4 && places.iter().all(|p| on_border(p, 0) && on_border(p, 1));
         if !rectangle {
             // Edges across the grid are curved in σ and τ.
-            let bulge = 2.0 * chart.steep * (chart.twist[0].abs() + chart.twist[1].abs()) * (hi.x - lo.x) * (hi.y - lo.y);
+            let bulge =
+                2.0 * chart.steep * (chart.twist[0].abs() + chart.twist[1].abs()) * (hi.x - lo.x) * (hi.y - lo.y);
             (lo, hi) = (lo - bulge, hi + bulge);
         }
         Self { owner, polygon, lo, hi, rectangle }
@@ -238,8 +239,14 @@ impl Chart {
         let (v, n) = (polygon.vertices(), polygon.normal());
         let (first, last) = (v[1] - v[0], v[v.len() - 1] - v[0]);
         let span = first.cross(last).dot(n);
-        let mut chart =
-            Self { corner: v[0], duals: [DVec3::ZERO; 2], twist: [0.0; 2], least: [0.0; 2], steps: [1.0; 2], steep: 1.0 };
+        let mut chart = Self {
+            corner: v[0],
+            duals: [DVec3::ZERO; 2],
+            twist: [0.0; 2],
+            least: [0.0; 2],
+            steps: [1.0; 2],
+            steep: 1.0,
+        };
         if span <= 1e-6 * first.length() * last.length() {
             let (x, y) = polygon.frame();
             return Self { duals: [x, y], ..chart };

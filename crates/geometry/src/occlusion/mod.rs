@@ -7,6 +7,9 @@
 //! Boxes and the quick test take eight numbers at once, with the instruction set found at run time (`lanes.rs`). They decide
 //! nothing, so that answers do not depend on it.
 //!
+//! Rays that leave one polygon in a scene of few polygons go through all of those, many rays at once (`outlook.rs`). Where polygons are
+//! cut into many facets, hits are found on the polygons, and the facet from the place of the hit (`cells.rs`).
+//!
 //! What is *not* here: which side of a polygon receives light, and anything about materials.
 
 mod blocking;
@@ -26,8 +29,8 @@ use self::descent::{Slabs, Space, descend_in_order, descend_until};
 use self::hierarchy::{Hierarchy, OutwardBox, Place};
 use self::lanes::{Lanes, Level, Work};
 use self::leaf::{Block, Frame, Leaf, Line, Shear};
-use self::outlook::{Flat, flats};
 pub use self::outlook::{BUNDLE, Bundle, Outlook};
+use self::outlook::{Flat, flats};
 use crate::{Facets, Polygon, Scene, polygon::bounds};
 
 /// Boxes grow by this on all sides, the scene scaled to [−1, 1]³. Rounding of a ray (origin, direction, the clamp of its
@@ -107,7 +110,18 @@ impl Occluders {
         }
         let cells = None;
         Self {
-            polygons, owners, hierarchy, triangles, others, leaves, frame, coincident, level, cells, flats, flat_leaves,
+            polygons,
+            owners,
+            hierarchy,
+            triangles,
+            others,
+            leaves,
+            frame,
+            coincident,
+            level,
+            cells,
+            flats,
+            flat_leaves,
         }
     }
 

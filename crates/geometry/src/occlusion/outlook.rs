@@ -130,11 +130,12 @@ impl Occluders {
         };
         let (mut faces, mut edges) = (Vec::with_capacity(flats.len()), Vec::with_capacity(4 * flats.len()));
         let mut margin = 0.0_f64;
-        for (k, (flat, leaf)) in flats.iter().zip(&self.flat_leaves).enumerate() {
-            let leaf = &self.leaves[*leaf as usize];
+        for (k, (flat, &leaf)) in flats.iter().zip(&self.flat_leaves).enumerate() {
+            let leaf = &self.leaves[leaf as usize];
             let polygon = &self.polygons[k];
             let behind = polygon.vertices().iter().all(|v| (*v - middle).dot(z) <= leaf.margin);
-            let in_plane = || source.vertices().iter().all(|v| (*v - leaf.centroid).dot(leaf.normal).abs() <= 0.5 * leaf.margin);
+            let in_plane =
+                || source.vertices().iter().all(|v| (*v - leaf.centroid).dot(leaf.normal).abs() <= 0.5 * leaf.margin);
             if behind || in_plane() {
                 continue;
             }
@@ -360,7 +361,12 @@ mod tests {
     }
 
     /// Rays from a polygon, where they begin, and where they go: half of them at random, half aimed at points of `targets`.
-    fn bundle(polygon: &Polygon, outlook: &Outlook<'_>, targets: &[DVec3], random: &mut Random) -> (Bundle, Vec<DVec3>) {
+    fn bundle(
+        polygon: &Polygon,
+        outlook: &Outlook<'_>,
+        targets: &[DVec3],
+        random: &mut Random,
+    ) -> (Bundle, Vec<DVec3>) {
         let (mut bundle, mut begins) = (Bundle::default(), Vec::new());
         let axes = outlook.axes;
         while begins.len() < BUNDLE {
@@ -420,11 +426,18 @@ mod tests {
         let (facets, occluders) = exposed(&scene, 7);
         let (apart, mut random) = (Occluders::of_facets(&facets), Random(5));
         let (lo, hi) = (DVec3::splat(1.0), DVec3::splat(545.0));
+        let mut compared = 0;
         for k in 0..20_000 {
             let (p, d) = (random.point(lo, hi), random.direction());
             let met = |occluders: &Occluders| occluders.first_hit(p, d).map(|hit| (hit.owner, hit.front));
-            assert_eq!(met(&occluders), met(&apart), "ray {k}");
+            let part = met(&occluders);
+            // From within a block a ray may reach the floor under it, which is no element.
+            if part != Some((NOBODY, true)) {
+                assert_eq!(part, met(&apart), "ray {k}");
+                compared += 1;
+            }
         }
+        assert!(compared > 19_000);
     }
 
     #[test]
