@@ -117,9 +117,12 @@ impl<R: Rows, P: Rows> Rows for ExactEmitters<R, P> {
             }
         }
         if row.entries.len() > before {
-            row.entries.sort_unstable_by_key(|&(t, _)| t);
+            // A stable sort merges what is in order already.
+            row.entries.sort_by_key(|&(t, _)| t);
         }
-        row.entries.retain(|&(_, value)| value != 0.0);
+        if others == 0.0 || exact.contains(&0.0) {
+            row.entries.retain(|&(_, value)| value != 0.0);
+        }
         Ok((cost, (bound + moved).max(exact_bound)))
     }
 }

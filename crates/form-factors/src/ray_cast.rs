@@ -289,14 +289,18 @@ impl Tally {
             keys.extend(own.map(|&t| t << REPLICATE_BITS | r as u32));
         }
         let keys = sorted(keys, count);
-        let mut met = Vec::with_capacity(keys.len());
-        for keys in keys.chunk_by(|a, b| a >> REPLICATE_BITS == b >> REPLICATE_BITS) {
-            let share = |keys: &[u32]| {
-                let r = keys[0] as usize % REPLICATES;
-                (keys.len() * keys.len()) as f64 / (first(r + 1) - first(r)) as f64
-            };
-            let squares = keys.chunk_by(|a, b| a == b).map(share).sum();
-            met.push((keys[0] >> REPLICATE_BITS, keys.len() as u32, squares));
+        let weights: [f64; REPLICATES] =
+            std::array::from_fn(|r| if r < replicates { 1.0 / (first(r + 1) - first(r)) as f64 } else { 0.0 });
+        let (mut met, mut rest) = (Vec::with_capacity(keys.len()), &keys[..]);
+        while let Some(&key) = rest.first() {
+            let (target, mut hits, mut squares) = (key >> REPLICATE_BITS, 0, 0.0);
+            while let Some(&key) = rest.first().filter(|&&key| key >> REPLICATE_BITS == target) {
+                let alike = rest.iter().take_while(|&&other| other == key).count();
+                hits += alike as u32;
+                squares += (alike * alike) as f64 * weights[key as usize % REPLICATES];
+                rest = &rest[alike..];
+            }
+            met.push((target, hits, squares));
         }
         Self { met, rays, replicates }
     }

@@ -381,8 +381,8 @@ mod tests {
             }
             let d = if d.dot(axes[2]) < 0.0 { -d } else { d };
             (0..3).for_each(|axis| bundle.direction[axis][k] = d.dot(axes[axis]) as f32);
-            for axis in 0..2 {
-                bundle.begin[axis][k] = ((begin - polygon.centroid()).dot(axes[axis]) * outlook.scale()) as f32;
+            for (begins, axis) in bundle.begin.iter_mut().zip(axes) {
+                begins[k] = ((begin - polygon.centroid()).dot(axis) * outlook.scale()) as f32;
             }
             begins.push(begin);
         }
