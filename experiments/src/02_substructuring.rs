@@ -83,8 +83,8 @@ fn strategies(elements: u32, patches: u32, method: Method) -> Vec<Strategy> {
 fn rays(profile: Profile) -> Vec<(u32, u32)> {
     match profile {
         Profile::Tiny => vec![(2, 64), (4, 128)],
-        Profile::Quick => vec![(8, 160), (8, 512), (16, 160), (16, 256), (24, 256)],
-        Profile::Full => vec![(8, 160), (8, 512), (16, 160), (16, 256), (16, 512), (24, 256), (24, 512), (32, 768)],
+        Profile::Quick => vec![(8, 192), (8, 512), (16, 192), (16, 256), (24, 256)],
+        Profile::Full => vec![(8, 192), (8, 512), (16, 192), (16, 256), (16, 512), (24, 256), (24, 512), (32, 768)],
     }
 }
 

@@ -109,8 +109,7 @@ impl<'a> RayCast<'a> {
 
     /// Casts rays until there are `rays` in all.
     fn extend(&self, targets: &mut Vec<u32>, source: &Source<'_>, spray: &Spray<'_>, rays: usize) {
-        // A bundle that was cast in part is cast again.
-        let begin = targets.len() / BUNDLE * BUNDLE;
+        let begin = targets.len();
         targets.resize(rays, NONE);
         let cast = |piece: usize, found: &mut [u32]| {
             let (mut square, mut bundle) = (Square::default(), Bundle::default());

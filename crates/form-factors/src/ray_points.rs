@@ -31,6 +31,9 @@ use crate::rows::mix;
 /// Longest sequence the sampler has: more points are the same sequence with further shifts.
 const SEQUENCE: usize = 1 << 16;
 
+/// Where rays may begin in the sequence: so that registers can be filled.
+const GRAIN: usize = 64;
+
 /// Coordinates of a point.
 const DIMENSIONS: usize = 4;
 
@@ -88,14 +91,19 @@ impl<'a> Spray<'a> {
         Self { points, seed }
     }
 
-    /// The points of rays `first` and on, as many as `bundle` is long, and their directions; `first` begins a whole bundle.
+    /// The points of rays `first` and on, as many as `bundle` is long, and their directions.
+    ///
+    /// # Panics
+    ///
+    /// If `first` is no multiple of [`GRAIN`], or the rays pass the end of the sequence.
     pub fn fill(&self, first: usize, square: &mut Square, bundle: &mut Bundle) {
+        assert!(first.is_multiple_of(GRAIN), "rays from {first} on");
         let length = self.points.digits[0].len();
         let (round, at) = (first / length, first % length);
         let seed = mix(self.seed ^ mix(round as u64));
         let bits = [seed, mix(seed)];
         let shift = [bits[0], bits[0] >> 32, bits[1], bits[1] >> 32].map(|bits| bits as u32 >> (32 - DIGITS));
-        let digits = self.points.digits.each_ref().map(|digits| &digits[at..at + BUNDLE]);
+        let digits = self.points.digits.each_ref().map(|digits| &digits[at..(at + BUNDLE).min(length)]);
         Arch::new().dispatch(Fill { digits, shift, square, bundle });
     }
 }
