@@ -3,7 +3,9 @@
 //! Eight rows of a mesh of 8 × 8 elements a face, spread over it, in the empty cube and in the Cornell box; the settings of
 //! the row-wise estimators vary by factors of 2. Throughput counts form factors (analytic), rays (ray-cast) and pixels
 //! (hemicube). A row uses all threads, as it does when a solver asks for it. `ray-cast` follows rays to the surfaces, in bundles where they
-//! are few, and finds the element from the place of the hit; `ray-cast-to-elements` follows the same rays to the elements themselves, through the hierarchy.
+//! are few, and finds the element from the place of the hit; `ray-cast-to-elements` follows the same rays to the elements themselves, through the
+//! hierarchy. With AVX-512, side by side on a busy machine: 33 to 40 million rays a second and thread against 5.4 to 7.8 in the Cornell box, 45 to 48
+//! against 5.2 to 6.3 in the cube.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use radiosity::{Geometry, Method, rows};
