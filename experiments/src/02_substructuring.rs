@@ -5,12 +5,14 @@
 //! element, shooting (patches → elements) only for every patch; the error of a patch's constant radiosity stays while
 //! n is small and vanishes as n → m. Measured on the Cornell box by hemicube, as in the course (reference: a much finer run),
 //! and in an empty room by analytic pairs (reference: pairs on a finer mesh, whose cost a pair does not depend on what
-//! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. Read: time against m·n; error against n. Not shown: patches chosen where they
+//! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. Beside them stands what the same
+//! accuracy costs without patches, where rows of rays meet few elements of many: elements and rays varied together, with the worst cell and the
+//! signed bias of every face. Read: time against m·n; error against n and against time. Not shown: patches chosen where they
 //! are needed.
 
 use std::error::Error;
 
-use radiosity::{Method, Shape, Store, Strategy, Yardstick};
+use radiosity::{GridValues, Method, Shape, Store, Strategy, Yardstick};
 use radiosity_experiments::{Context, Experiment, Profile, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::ManufacturedRoom;
 use radiosity_geometry::Scene;
@@ -19,8 +21,8 @@ use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
-use crate::common::{GRID, cornell, cornell_truth, exponent, record, times, value};
-use crate::truth::pairs_truth;
+use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, record, times, times_of, value};
+use crate::truth::{Truth, pairs_truth};
 
 /// The experiment.
 pub struct Substructuring;
@@ -77,6 +79,61 @@ fn strategies(elements: u32, patches: u32, method: Method) -> Vec<Strategy> {
     all
 }
 
+/// (elements along an edge of a face, rays a row).
+fn rays(profile: Profile) -> Vec<(u32, u32)> {
+    match profile {
+        Profile::Tiny => vec![(2, 64), (4, 128)],
+        Profile::Quick => vec![(8, 192), (8, 512), (16, 192), (16, 256), (24, 256)],
+        Profile::Full => vec![(8, 192), (8, 512), (16, 192), (16, 256), (16, 512), (24, 256), (24, 512), (32, 768)],
+    }
+}
+
+/// Rows of rays with exact emitters, of which what is not zero is kept, relaxed while it pays.
+fn ray_strategy(elements: u32, rays: u32) -> Strategy {
+    Strategy {
+        store: Store::Sparse,
+        solver: "jacobi".to_owned(),
+        unshot: UNSHOT,
+        verify: false,
+        ..Strategy::new(Subdivision::Uniform(elements), Method::RaysAndEmitters { rays })
+    }
+}
+
+/// Unshot fraction at which rows of rays are good enough: a tenth of the error that they leave.
+const UNSHOT: f64 = 1e-3;
+
+impl Substructuring {
+    /// Elements and rays varied, with the errors of cells and faces.
+    fn rays(context: &mut Context, scene: &Scene, truth: &Truth) -> Result<(), Box<dyn Error>> {
+        for (elements, rays) in rays(context.profile()) {
+            let strategy = ray_strategy(elements, rays);
+            let run = radiosity::run(scene, &strategy, &mut ())?;
+            let error = GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?.error(&truth.grid);
+            let key = format!("Cornell box/{RAYS}/{elements}/{rays}");
+            let mut line = counts(described(key.clone(), &strategy), &run.cost())
+                .text("scene", "Cornell box")
+                .text("series", RAYS)
+                .int("elements", run.geometry.elements().len())
+                .int("along_an_edge", elements)
+                .text("outcome", run.solution.outcome)
+                .int("steps", run.solution.steps)
+                .int("stored_bytes", run.stored_bytes)
+                .float("error", error.rms)
+                .float("worst_cell", error.worst)
+                .float("reference_error", truth.error);
+            for face in &error.biases {
+                line = line.float(format!("bias_{}", scene.surfaces[face.surface as usize].name), face.bias);
+            }
+            context.record(times_of(line, scene, &strategy, &run)?);
+            context.tick(key);
+        }
+        Ok(())
+    }
+}
+
+/// Name of the series in which elements and rays vary.
+const RAYS: &str = "rays varied";
+
 impl Experiment for Substructuring {
     fn name(&self) -> &'static str {
         "02-substructuring"
@@ -105,13 +162,16 @@ impl Experiment for Substructuring {
         let profile = context.profile();
         let [varied_n, varied_m] = meshes(profile);
         let cases = cases(profile)?;
-        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()));
+        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len());
         for case in &cases {
             let truth = if case.name == "Cornell box" {
                 cornell_truth(context, &case.scene)?
             } else {
                 pairs_truth(&case.scene, Subdivision::Uniform(profile.pick(8, 16, 32)), GRID)?
             };
+            if case.name == "Cornell box" {
+                Self::rays(context, &case.scene, &truth)?;
+            }
             let reference_error = truth.error;
             let most_pairs = profile.pick(1 << 14, 1 << 17, 1 << 20);
             let mut yardstick = Yardstick::new(&case.scene, truth.grid, GRID, case.best, most_pairs);
@@ -147,6 +207,14 @@ impl Experiment for Substructuring {
             let lines: Vec<_> = lines.collect();
             Panel::new(Axis::log(x.1, unit), Axis::log(y.1, y.2)).title(scene).all_series(lines)
         };
+        let of_rays = |column: &'static str, label: &str| {
+            let lines = group_by(tables.select_eq("series", RAYS), "along_an_edge").into_iter().map(|(k, rows)| {
+                Series::new(format!("{k} × {k} elements a face"), format!("{k} × {k}"))
+                    .rows(rows, |r| (r.seconds("time"), r.number(column)))
+            });
+            let lines: Vec<_> = lines.collect();
+            Panel::new(Axis::log("time", "s"), Axis::log(label, "share of the mean")).all_series(lines)
+        };
         let n = ("patches", "patches n, m fixed");
         let m = ("elements", "elements m, n fixed");
         let (room, cornell) = ("empty room", "Cornell box");
@@ -170,6 +238,10 @@ impl Experiment for Substructuring {
                 .caption("One mark a number of patches, m fixed.")
                 .panel(panel(cornell, "n varied", ("time", "time"), error, false))
                 .panel(panel(room, "n varied", ("time", "time"), error, false)),
+            Figure::new("rays", "Rows of rays: error against time")
+                .caption("Cornell box, rays with exact emitters, sparse rows; a line an element size, a mark a number of rays. Mesh, form factors and solution.")
+                .panel(of_rays("error", "rms error"))
+                .panel(of_rays("worst_cell", "worst cell")),
         ]
     }
 
@@ -192,6 +264,24 @@ impl Experiment for Substructuring {
             slope("n varied", "patches", "form_factors"),
             slope("m varied", "elements", "time"),
         )];
+        // The first run below each error.
+        let of_rays = tables.select_eq("series", RAYS);
+        for wanted in [0.01, 0.005, 0.003] {
+            let good = of_rays.iter().filter(|r| r.number("error") <= wanted);
+            let cheapest = good.min_by(|a, b| a.seconds("time").total_cmp(&b.seconds("time")));
+            reading.extend(cheapest.map(|r| {
+                format!(
+                    "On the Cornell box rows of rays with exact emitters reach {} with {} × {} elements a face and {} rays a row in {}, \
+                     the worst cell off by {}.",
+                    numbers::percent(r.number("error")),
+                    r.number("along_an_edge"),
+                    r.number("along_an_edge"),
+                    r.text("setting"),
+                    numbers::seconds(r.seconds("time")),
+                    numbers::percent(r.number("worst_cell")),
+                )
+            }));
+        }
         let shoot = rows("patches-to-elements");
         if let (Some(full), Some(some)) = (rows("full").first(), shoot.get(1)) {
             reading.push(format!(

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use radiosity::{GridValues, Measured, Method, Strategy, run};
+use radiosity::{GridValues, Measured, Method, Run, Strategy, run};
 use radiosity_core::{BandValues, Cost};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::{Occluders, Scene};
@@ -148,7 +148,11 @@ pub fn times(
     strategy: &Strategy,
     measured: &Measured<'_>,
 ) -> Result<Record, Box<dyn Error>> {
-    let first = &measured.run;
+    times_of(record, scene, strategy, &measured.run)
+}
+
+/// [`times`] of a run whose errors were measured apart.
+pub fn times_of(record: Record, scene: &Scene, strategy: &Strategy, first: &Run<'_>) -> Result<Record, Box<dyn Error>> {
     let mut estimate = vec![first.form_factors.time.as_secs_f64()];
     let mut solve = vec![first.solution.time.as_secs_f64()];
     let mut total = vec![first.seconds()];

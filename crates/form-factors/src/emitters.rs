@@ -13,7 +13,7 @@
 
 use radiosity_core::{Cost, StoreError};
 
-use crate::Rows;
+use crate::rows::{Rows, SparseRow};
 
 /// Targets that belong to one emitting surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,12 @@ pub struct ExactEmitters<R, P> {
     rows: R,
     pairs: P,
     emitters: Vec<Emitter>,
+    /// The emitter that each target belongs to, or [`NONE`].
+    emitter_of: Vec<u32>,
 }
+
+/// Of no emitter.
+const NONE: u32 = u32::MAX;
 
 impl<R: Rows, P: Rows> ExactEmitters<R, P> {
     /// `rows` with the entries of `emitters` replaced by those of `pairs`, whose targets are the emitters as a whole.
@@ -39,7 +44,11 @@ impl<R: Rows, P: Rows> ExactEmitters<R, P> {
         assert_eq!((pairs.sources(), pairs.targets()), (rows.sources(), emitters.len()), "pairs to the emitters");
         let last = emitters.iter().flat_map(|e| &e.targets).map(|&(t, _)| t as usize).max();
         assert!(last.is_none_or(|t| t < rows.targets()), "an emitter names target {last:?} of {}", rows.targets());
-        Self { rows, pairs, emitters }
+        let mut emitter_of = vec![NONE; rows.targets()];
+        for (k, emitter) in (0..).zip(&emitters) {
+            emitter.targets.iter().for_each(|&(t, _)| emitter_of[t as usize] = k);
+        }
+        Self { rows, pairs, emitters, emitter_of }
     }
 }
 
@@ -61,37 +70,58 @@ impl<R: Rows, P: Rows> Rows for ExactEmitters<R, P> {
     }
 
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        let (mut cost, bound) = self.rows.row(s, values)?;
+        let mut row = SparseRow::default();
+        let spent = self.sparse_row(s, &mut row)?;
+        row.spread(values);
+        Ok(spent)
+    }
+
+    fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        let (mut cost, bound) = self.rows.sparse_row(s, row)?;
         let mut exact = vec![0.0; self.emitters.len()];
         let (spent, exact_bound) = self.pairs.row(s, &mut exact)?;
         cost += Cost { source_evaluations: 0, ..spent };
         // What the row sees in all, and what of it the emitters take.
-        let total: f64 = values.iter().sum();
-        let (mut seen, mut known, mut moved) = (0.0, 0.0, 0.0_f64);
-        for (emitter, exact) in self.emitters.iter().zip(&exact) {
-            let found: f64 = emitter.targets.iter().map(|&(t, _)| values[t as usize]).sum();
-            let area: f64 = emitter.targets.iter().map(|&(_, area)| area).sum();
-            for &(t, share) in &emitter.targets {
-                let value = &mut values[t as usize];
-                let new = if found > 0.0 { *value * (exact / found) } else { exact * share / area };
-                if emitter.targets.len() > 1 {
-                    moved = moved.max((new - *value).abs());
-                }
-                *value = new;
+        let mut found = vec![0.0; self.emitters.len()];
+        let (mut total, mut seen) = (0.0, 0.0);
+        for &(t, value) in &row.entries {
+            total += value;
+            if let Some(found) = found.get_mut(self.emitter_of[t as usize] as usize) {
+                *found += value;
+                seen += value;
             }
-            seen += found;
-            known += exact;
         }
+        let known: f64 = exact.iter().sum();
         // The rest of the row gives up, or takes over, the difference.
         let rest = total - seen;
-        if rest > 0.0 {
-            let factor = ((total - known) / rest).max(0.0);
-            let mut is_emitter = vec![false; values.len()];
-            self.emitters.iter().flat_map(|e| &e.targets).for_each(|&(t, _)| is_emitter[t as usize] = true);
-            for (value, _) in values.iter_mut().zip(is_emitter).filter(|(_, emits)| !emits) {
+        let others = if rest > 0.0 { ((total - known) / rest).max(0.0) } else { 1.0 };
+        let mut moved = 0.0_f64;
+        for (t, value) in &mut row.entries {
+            let emitter = self.emitter_of[*t as usize] as usize;
+            let factor = found.get(emitter).map_or(others, |found| exact[emitter] / found);
+            if emitter == NONE as usize || self.emitters[emitter].targets.len() > 1 {
                 moved = moved.max(*value * (factor - 1.0).abs());
-                *value *= factor;
             }
+            *value *= factor;
+        }
+        // Emitters that the row has missed.
+        let before = row.entries.len();
+        for ((emitter, &exact), _) in self.emitters.iter().zip(&exact).zip(&found).filter(|(_, found)| **found == 0.0) {
+            let area: f64 = emitter.targets.iter().map(|&(_, area)| area).sum();
+            for &(t, share) in emitter.targets.iter().filter(|_| exact > 0.0) {
+                let value = exact * share / area;
+                if emitter.targets.len() > 1 {
+                    moved = moved.max(value);
+                }
+                row.entries.push((t, value));
+            }
+        }
+        if row.entries.len() > before {
+            // A stable sort merges what is in order already.
+            row.entries.sort_by_key(|&(t, _)| t);
+        }
+        if others == 0.0 || exact.contains(&0.0) {
+            row.entries.retain(|&(_, value)| value != 0.0);
         }
         Ok((cost, (bound + moved).max(exact_bound)))
     }

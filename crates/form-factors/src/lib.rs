@@ -12,6 +12,7 @@ pub mod hemicube;
 pub mod level;
 pub mod point;
 pub mod ray_cast;
+mod ray_points;
 pub mod repair;
 mod row_wise;
 mod rows;
@@ -19,4 +20,4 @@ pub mod stores;
 pub mod update;
 
 pub use row_wise::Receivers;
-pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, Sampler};
+pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, Sampler, SparseRow};

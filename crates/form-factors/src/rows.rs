@@ -123,6 +123,33 @@ impl<'a> Run<'a> {
     }
 }
 
+/// A row as the list of its entries that are not zero.
+#[derive(Clone, Debug, Default)]
+pub struct SparseRow {
+    /// Targets, ascending, with their exchange areas.
+    pub entries: Vec<(u32, f64)>,
+    /// Space for the row in full.
+    full: Vec<f64>,
+}
+
+impl SparseRow {
+    /// Lists what `fill` puts into a row of that many targets, from target `first` on.
+    fn list<T>(&mut self, targets: usize, first: usize, fill: impl FnOnce(&mut [f64]) -> T) -> T {
+        self.full.resize(targets, 0.0);
+        let filled = fill(&mut self.full);
+        let nonzero = self.full.iter().enumerate().skip(first).filter(|(_, value)| **value != 0.0);
+        self.entries.clear();
+        self.entries.extend(nonzero.map(|(t, &value)| (t as u32, value)));
+        filled
+    }
+
+    /// Fills `values` with the row in full.
+    pub fn spread(&self, values: &mut [f64]) {
+        values.fill(0.0);
+        self.entries.iter().for_each(|&(t, value)| values[t as usize] = value);
+    }
+}
+
 /// Rows of exchange areas A_s F_st, computed when asked.
 pub trait Rows: Sync {
     /// Short name of the estimator, for tables.
@@ -144,6 +171,24 @@ pub trait Rows: Sync {
     ///
     /// [`StoreError`] if an entry is no form factor.
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError>;
+
+    /// [`Self::row`] as a list, in place of what `row` held: for estimators that find few entries of many.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        row.list(self.targets(), 0, |values| self.row(s, values))
+    }
+
+    /// [`Self::upper_row`] as a list of the entries t ≥ s.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn sparse_upper_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        row.list(self.targets(), s, |values| self.upper_row(s, values))
+    }
 
     /// [`Self::row`], of which only the entries t ≥ s are used: a symmetric store mirrors the rest.
     ///
@@ -185,6 +230,14 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).row(s, values)
+    }
+
+    fn sparse_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        (**self).sparse_row(s, row)
+    }
+
+    fn sparse_upper_row(&self, s: usize, row: &mut SparseRow) -> Result<(Cost, f64), StoreError> {
+        (**self).sparse_upper_row(s, row)
     }
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {

@@ -206,7 +206,7 @@ fn adaptive_rows_reach_their_standard_error_with_no_more_rays_than_needed() {
         let (mut squares, mut rays) = (0.0, 0);
         for (s, exact) in exact.iter().enumerate() {
             let mut row = vec![0.0; facets.len()];
-            let (cost, _) = plain.until(asked).row(s, &mut row).unwrap();
+            let (cost, _) = plain.clone().until(asked).row(s, &mut row).unwrap();
             squares += row.iter().zip(exact).map(|(f, e)| ((f - e) / facets.area(s)).powi(2)).sum::<f64>();
             rays += cost.rays;
         }

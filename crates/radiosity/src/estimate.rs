@@ -41,8 +41,10 @@ pub fn rows<'a>(
     };
     let hits = || geometry.element_occluders();
     if let Method::RaysAndEmitters { rays } = method {
+        let tolerance = EMITTER_ERROR / f64::from(rays);
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
-        let pairs = EmitterPairs::new(geometry, sources, seed);
+        let analytic = analytic(geometry.blockers(), PartialVisibility::Exact { tolerance });
+        let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, tolerance, seed);
         let emitters = emitters(geometry, form, targets);
         return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
     }
@@ -64,44 +66,9 @@ pub(crate) fn analytic(blockers: &Occluders, partial: PartialVisibility) -> Anal
     Analytic::new((!blockers.is_empty()).then_some(blockers)).partial_visibility(partial)
 }
 
-/// Pairs from sources to whole emitting surfaces, which it owns.
-struct EmitterPairs<'a> {
-    sources: &'a Facets,
-    emitters: Facets,
-    analytic: Analytic<'a>,
-    seed: u64,
-}
-
-impl<'a> EmitterPairs<'a> {
-    fn new(geometry: &'a Geometry<'_>, sources: &'a Facets, seed: u64) -> Self {
-        let blockers = geometry.blockers();
-        let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers));
-        Self { sources, emitters: geometry.emitters().0, analytic, seed }
-    }
-}
-
-impl Rows for EmitterPairs<'_> {
-    fn name(&self) -> &'static str {
-        "analytic"
-    }
-
-    fn sources(&self) -> usize {
-        self.sources.len()
-    }
-
-    fn targets(&self) -> usize {
-        self.emitters.len()
-    }
-
-    fn symmetric(&self) -> bool {
-        false
-    }
-
-    fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        // A light is small against the errors that rays leave elsewhere: 1e-8 is exact.
-        PairwiseRows::new(&self.analytic, self.sources, &self.emitters, 1e-8, self.seed).row(s, values)
-    }
-}
+/// Error of the form factor from a source to an emitting surface that is asked of pairs, times the rays of a row: those
+/// leave each entry uncertain by 6 over their number, and a light may be a few hundred times as bright as what it lights.
+const EMITTER_ERROR: f64 = 0.01;
 
 /// The targets that each emitting surface is made of.
 fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {
@@ -115,7 +82,7 @@ fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitte
         let of_surface = (0..targets.len()).filter(|&t| surface_of[t] == surface);
         Emitter { targets: of_surface.map(|t| (t as u32, targets.area(t))).collect() }
     };
-    geometry.emitters().1.into_iter().map(members).collect()
+    geometry.emitters().1.iter().map(|&surface| members(surface)).collect()
 }
 
 /// Form factors between cells, each a list of polygons: rows of a matrix file. `elements` are single polygons, `cell`

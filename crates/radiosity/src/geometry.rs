@@ -20,6 +20,20 @@ pub struct Geometry<'a> {
     elements: Facets,
     patches: Facets,
     parent: Vec<u32>,
+    emitters: (Facets, Vec<u32>),
+}
+
+/// Surfaces that emit, each as one facet, with the index of each surface.
+fn emitters(scene: &Scene) -> (Facets, Vec<u32>) {
+    let (mut facets, mut indices) = (Facets::new(), Vec::new());
+    for (s, surface) in scene.surfaces.iter().enumerate() {
+        let emits = scene.materials[surface.material].emission.iter().any(|&e| e > 0.0);
+        if emits && !surface.pieces.is_empty() {
+            facets.push(surface.pieces.clone(), false);
+            indices.push(s as u32);
+        }
+    }
+    (facets, indices)
 }
 
 impl<'a> Geometry<'a> {
@@ -48,7 +62,9 @@ impl<'a> Geometry<'a> {
         }
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
         let blockers = Occluders::blocking(scene);
-        Ok(Self { scene, mesh, blockers, element_occluders: OnceLock::new(), exposed, elements, patches, parent })
+        let element_occluders = OnceLock::new();
+        let emitters = emitters(scene);
+        Ok(Self { scene, mesh, blockers, element_occluders, exposed, elements, patches, parent, emitters })
     }
 
     /// The scene.
@@ -86,22 +102,18 @@ impl<'a> Geometry<'a> {
         &self.blockers
     }
 
-    /// The exposed elements as blockers and receivers of rays, owners numbered like them; built when first needed.
+    /// The scene as blocker and receiver of rays: what is hit is owned by the exposed element in which the hit lies. Built when first needed.
     pub fn element_occluders(&self) -> &Occluders {
-        self.element_occluders.get_or_init(|| Occluders::of_facets(&self.elements))
+        self.element_occluders.get_or_init(|| {
+            let faces = self.mesh.faces();
+            let carriers: Vec<u32> = self.exposed.iter().map(|&e| faces[e as usize]).collect();
+            Occluders::of_parts(self.scene, &self.elements, &carriers)
+        })
     }
 
     /// Surfaces that emit, each as one facet, with the index of each surface.
-    pub fn emitters(&self) -> (Facets, Vec<u32>) {
-        let (mut facets, mut indices) = (Facets::new(), Vec::new());
-        for (s, surface) in self.scene.surfaces.iter().enumerate() {
-            let emits = self.scene.materials[surface.material].emission.iter().any(|&e| e > 0.0);
-            if emits && !surface.pieces.is_empty() {
-                facets.push(surface.pieces.clone(), false);
-                indices.push(s as u32);
-            }
-        }
-        (facets, indices)
+    pub fn emitters(&self) -> (&Facets, &[u32]) {
+        (&self.emitters.0, &self.emitters.1)
     }
 
     /// Surface of every exposed element.

@@ -308,7 +308,7 @@ impl<'u> Update<'u> {
             Method::RaysAndEmitters { .. } => {
                 let (emitters, _) = after.emitters();
                 let all: Vec<u32> = (0..sources.len() as u32).collect();
-                entries + facing_pairs(sources, &emitters, &all, &[])
+                entries + facing_pairs(sources, emitters, &all, &[])
             }
         }
     }

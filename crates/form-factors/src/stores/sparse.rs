@@ -10,8 +10,10 @@ use rayon::prelude::*;
 use sprs::CsMatI;
 
 use super::dot::{self, Abreast};
-use super::{Held, assert_factors, assert_lengths, by_blocks, by_rows, check_memory, check_row, scale_row};
-use crate::Rows;
+use super::{
+    Held, assert_factors, assert_lengths, by_blocks, by_rows, check_memory, check_row, check_value, scale_row,
+};
+use crate::rows::{Rows, SparseRow};
 
 /// Exchange areas A_s F_st that are not zero, by rows: 12 bytes each (value and 32-bit target) and 8 a row.
 ///
@@ -23,10 +25,14 @@ pub struct SparseFormFactors {
     symmetric: bool,
 }
 
-/// Rows computed before their zeros are dropped: bounds the scratch while a store is assembled.
-const ROWS_AT_ONCE: usize = 256;
+/// Rows computed before they are put together: bounds the scratch while a store is assembled.
+const ROWS_AT_ONCE: usize = 1024;
+
+/// Rows that one task computes.
+const PIECE: usize = 16;
 
 /// Rows while they are collected.
+#[derive(Default)]
 struct Collected {
     begins: Vec<usize>,
     targets: Vec<u32>,
@@ -56,32 +62,42 @@ impl SparseFormFactors {
     pub fn assemble_within(rows: &dyn Rows, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
         let (sources, targets, symmetric) = (rows.sources(), rows.targets(), rows.symmetric());
         assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
-        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        let mut kept = Collected { begins: vec![0], ..Collected::default() };
         let (mut total, mut bounds, mut diagonal) = (Cost::default(), Vec::with_capacity(sources), 0);
         for begin in (0..sources).step_by(ROWS_AT_ONCE) {
-            let block: Vec<Result<_, StoreError>> = (begin..(begin + ROWS_AT_ONCE).min(sources))
+            let end = (begin + ROWS_AT_ONCE).min(sources);
+            let pieces: Vec<Result<_, StoreError>> = (begin..end)
                 .into_par_iter()
-                .map_init(
-                    || vec![0.0; targets],
-                    |values, s| {
-                        let (cost, bound) = if symmetric { rows.upper_row(s, values) } else { rows.row(s, values) }?;
-                        let first = if symmetric { s } else { 0 };
-                        check_row(s, first, values)?;
-                        let nonzero = (first..targets).filter(|&t| values[t] != 0.0);
-                        let entries: Vec<(u32, f64)> = nonzero.map(|t| (t as u32, values[t])).collect();
-                        Ok((entries, cost, bound))
-                    },
-                )
+                .step_by(PIECE)
+                .map_init(SparseRow::default, |row, first| {
+                    let (mut piece, mut spent) = (Collected::default(), Vec::with_capacity(PIECE));
+                    for s in first..(first + PIECE).min(end) {
+                        spent.push(if symmetric { rows.sparse_upper_row(s, row) } else { rows.sparse_row(s, row) }?);
+                        row.entries.iter().try_for_each(|&(t, value)| check_value(s, t as usize, value))?;
+                        piece.targets.extend(row.entries.iter().map(|entry| entry.0));
+                        piece.values.extend(row.entries.iter().map(|entry| entry.1));
+                        piece.begins.push(piece.values.len());
+                    }
+                    Ok((piece, spent))
+                })
                 .collect();
-            for row in block {
-                let (entries, cost, bound) = row?;
-                total += cost;
-                diagonal += usize::from(entries.first().is_some_and(|entry| entry.0 as usize == bounds.len()));
-                bounds.push(bound);
-                kept.targets.extend(entries.iter().map(|entry| entry.0));
-                kept.values.extend(entries.iter().map(|entry| entry.1));
-                kept.begins.push(kept.values.len());
+            for piece in pieces {
+                let (piece, spent) = piece?;
+                let before = kept.values.len();
+                for ((cost, bound), end) in spent.into_iter().zip(piece.begins) {
+                    total += cost;
+                    let first = kept.begins[bounds.len()] - before;
+                    diagonal += usize::from(first < end && piece.targets[first] as usize == bounds.len());
+                    bounds.push(bound);
+                    kept.begins.push(before + end);
+                }
+                kept.targets.extend_from_slice(&piece.targets);
+                kept.values.extend_from_slice(&piece.values);
             }
+            // Room for rows like these, so that what is kept is not copied each time it grows.
+            let more = (kept.values.len() / bounds.len() + 1) * (sources - bounds.len());
+            kept.targets.reserve(more);
+            kept.values.reserve(more);
             let entries = if symmetric { 2 * kept.values.len() - diagonal } else { kept.values.len() };
             check_memory(sources, targets, bytes(sources, entries), limit)?;
         }
@@ -106,7 +122,7 @@ impl SparseFormFactors {
     pub fn from_rows(values: &[f64], sources: usize, targets: usize, symmetric: bool) -> Result<Self, StoreError> {
         assert_eq!(values.len(), sources * targets, "{sources} × {targets} exchange areas");
         assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
-        let mut kept = Collected { begins: vec![0], targets: Vec::new(), values: Vec::new() };
+        let mut kept = Collected { begins: vec![0], ..Collected::default() };
         for s in 0..sources {
             let row = &values[s * targets..(s + 1) * targets];
             check_row(s, 0, row)?;

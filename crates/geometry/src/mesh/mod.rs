@@ -237,6 +237,16 @@ impl Mesh {
         self.elements.iter().map(|e| e.parent).collect()
     }
 
+    /// The face of every element: its place in [`Scene::pieces`].
+    pub fn faces(&self) -> Vec<u32> {
+        let first = |piece: usize| self.element_begins[self.cell_begins[piece]];
+        let face = |f: usize| {
+            let elements = first(self.face_begins[f])..first(self.face_begins[f + 1]);
+            elements.map(move |_| f as u32)
+        };
+        (0..self.face_begins.len() - 1).flat_map(face).collect()
+    }
+
     /// Areas of the elements.
     pub fn areas(&self) -> Vec<f64> {
         self.element_facets.areas()

@@ -7,22 +7,30 @@
 //! Boxes and the quick test take eight numbers at once, with the instruction set found at run time (`lanes.rs`). They decide
 //! nothing, so that answers do not depend on it.
 //!
+//! Rays that leave one polygon in a scene of few polygons go through all of those, many rays at once (`outlook.rs`). Where polygons are
+//! cut into many facets, hits are found on the polygons, and the facet from the place of the hit (`cells.rs`).
+//!
 //! What is *not* here: which side of a polygon receives light, and anything about materials.
 
 mod blocking;
+mod cells;
 mod descent;
 mod hierarchy;
 mod lanes;
 mod leaf;
+mod outlook;
 
 use glam::DVec3;
 use obvhs::aabb::Aabb;
 
 pub use self::blocking::blocking_polygons;
+use self::cells::Cells;
 use self::descent::{Slabs, Space, descend_in_order, descend_until};
 use self::hierarchy::{Hierarchy, OutwardBox, Place};
 use self::lanes::{Lanes, Level, Work};
 use self::leaf::{Block, Frame, Leaf, Line, Shear};
+pub use self::outlook::{BUNDLE, Bundle, Outlook};
+use self::outlook::{Flat, flats};
 use crate::{Facets, Polygon, Scene, polygon::bounds};
 
 /// Boxes grow by this on all sides, the scene scaled to [−1, 1]³. Rounding of a ray (origin, direction, the clamp of its
@@ -32,7 +40,7 @@ const PAD: f64 = 1.0 / (1 << 18) as f64;
 /// The first polygon along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Owner of the polygon: its surface, or its group of facets.
+    /// Owner of the polygon: its surface, or its group of facets; the facet in which the hit lies with [`Occluders::of_parts`].
     pub owner: u32,
     /// Index of the polygon.
     pub polygon: u32,
@@ -56,7 +64,16 @@ pub struct Occluders {
     /// A front hit no further behind the nearest hit than this, measured across its plane, counts as equally near.
     coincident: f64,
     level: Level,
+    /// The facets that the polygons are cut into, if hits belong to those.
+    cells: Option<Cells>,
+    /// What is needed to go through all polygons, if they are few.
+    flats: Option<Vec<Flat>>,
+    /// The leaf of every polygon then.
+    flat_leaves: Vec<u32>,
 }
+
+/// The owner of what belongs to no facet.
+const NOBODY: u32 = u32::MAX;
 
 /// Where a ray begins in the scaled scene: distance s along it is t · scale − skipped.
 struct Start {
@@ -86,8 +103,47 @@ impl Occluders {
         let triangles = blocks(&polygons, &members.triangles, &mut first, &frame);
         let others = blocks(&polygons, &members.polygons, &mut first, &frame);
         let coincident = frame.rounding + if polygons.is_empty() { 0.0 } else { 1e-12 * (hi - lo).length() };
-        let level = Level::best();
-        Self { polygons, owners, hierarchy, triangles, others, leaves, frame, coincident, level }
+        let (level, flats) = (Level::best(), flats(&polygons));
+        let mut flat_leaves = vec![0; if flats.is_some() { polygons.len() } else { 0 }];
+        if flats.is_some() {
+            (0..).zip(&leaves).for_each(|(k, leaf): (u32, &Leaf)| flat_leaves[leaf.polygon as usize] = k);
+        }
+        let cells = None;
+        Self {
+            polygons,
+            owners,
+            hierarchy,
+            triangles,
+            others,
+            leaves,
+            frame,
+            coincident,
+            level,
+            cells,
+            flats,
+            flat_leaves,
+        }
+    }
+
+    /// All pieces of a scene, cut into `facets`: a hit is owned by the facet in which it lies, or by `u32::MAX` where there is none.
+    ///
+    /// `carriers` names for every polygon of `facets`, in order, the piece ([`Scene::pieces`]) of which it is a part.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one carrier a polygon, or no such piece.
+    pub fn of_parts(scene: &Scene, facets: &Facets, carriers: &[u32]) -> Self {
+        let mut occluders = Self::of_scene(scene);
+        occluders.cells = Some(Cells::new(&occluders.polygons, facets, carriers));
+        occluders
+    }
+
+    /// The owner of a point of a polygon.
+    fn owner_at(&self, polygon: u32, point: DVec3) -> u32 {
+        match &self.cells {
+            Some(cells) => cells.owner(polygon as usize, point),
+            None => self.owners[polygon as usize],
+        }
     }
 
     /// All pieces of a scene, owned by their surfaces.
@@ -298,7 +354,7 @@ impl Occluders {
             if found.any.0 < before { self.reach(found.any.0, skipped) } else { f32::INFINITY }
         });
         found.hit(self.coincident).map(|(distance, polygon, front)| {
-            let owner = self.owners[polygon as usize];
+            let owner = self.owner_at(polygon, origin + d * distance);
             Hit { owner, polygon, distance, front }
         })
     }
