@@ -318,7 +318,7 @@ pub fn solve_on(
     Ok(solve(&system, &mut *named(solver)?, stop, observer)?)
 }
 
-fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
+pub(crate) fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
     radiosity_solvers::by_name(solver)
         .ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: radiosity_solvers::NAMES.join(", ") })
 }

@@ -83,6 +83,14 @@ pub struct Element {
     pub(crate) path: Path,
 }
 
+impl Element {
+    /// Whether two elements are parts of one leaf of a cell's quadtree: the same, or cut apart by a contact.
+    pub fn same_leaf(&self, other: &Self) -> bool {
+        let place = |e: &Self| (e.surface, e.i, e.j, e.level, e.path);
+        place(self) == place(other)
+    }
+}
+
 /// Elements and patches of a scene.
 ///
 /// A cell (surface, i, j) is one element, or several where it is cut at a contact or refined: it is the root of a quadtree
