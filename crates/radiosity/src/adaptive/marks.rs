@@ -23,9 +23,14 @@ use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
 /// Share of Σ E_p² that the patches to be cut carry.
 const BULK: f64 = 0.5;
 /// Largest share of the error that the elements to be cut carry: what is left over may have gone by itself.
-const MOST: f64 = 0.9;
-/// Part of the tolerance that elements are refined to, as squares: the rest is for other errors.
-const ELEMENTS: f64 = 0.7;
+const MOST: f64 = 0.75;
+/// Least part of the tolerance that elements are refined to, as squares: the rest is for other errors.
+const ELEMENTS: f64 = 0.3;
+/// What of the error has to go, cut elements lose: a little less than the 3/4 of smooth ones.
+const LOSS: f64 = 0.65;
+/// Patches are cut before most rows are there, to be used by them: while the error of elements is more than twice the tolerance, they
+/// may take this part of their share alone, and what is left of it afterwards.
+const EARLY: f64 = 0.6;
 /// Rows that one task sums over.
 const PIECE: usize = 64;
 
@@ -44,9 +49,11 @@ pub(super) fn marks(
     adaptive: &Adaptive,
 ) -> Marks {
     let (geometry, mesh) = (&state.geometry, state.geometry.mesh());
-    let mut marks =
-        Marks { elements: vec![false; mesh.elements.len()], patches: vec![false; mesh.patch_facets.len()] };
+    let mut marks = Marks { elements: vec![false; mesh.elements.len()], patches: vec![false; mesh.patch_facets.len()] };
     let (level, total) = level(state, &solved.irradiance);
+    let early = adaptive.goal == Goal::Points && estimate.elements > 2.0 * adaptive.tolerance;
+    let share = if early { EARLY * adaptive.senders } else { adaptive.senders };
+    let cut_patches = estimate.senders > share * adaptive.tolerance;
 
     // Elements.
     let mut cut: Vec<usize> = match adaptive.criterion {
@@ -63,14 +70,16 @@ pub(super) fn marks(
         Criterion::Estimate if adaptive.goal == Goal::Points => {
             let squares: Vec<f64> =
                 (0..geometry.elements().len()).map(|e| geometry.elements().area(e) * variation.squares[e]).collect();
-            let (now, wanted) = (squares.iter().sum::<f64>(), ELEMENTS * (adaptive.tolerance * level).powi(2) * total);
-            bulk(&squares, (4.0 / 3.0 * (now - wanted)).min(MOST * now))
+            let others = (estimate.total().powi(2) - estimate.elements.powi(2)) / adaptive.tolerance.powi(2);
+            let wanted = (1.0 - others).max(ELEMENTS) * (adaptive.tolerance * level).powi(2) * total;
+            let now = squares.iter().sum::<f64>();
+            if early && cut_patches { Vec::new() } else { bulk(&squares, ((now - wanted) / LOSS).min(MOST * now)) }
         }
         Criterion::Estimate => Vec::new(),
     };
 
     // Patches, or their elements if there is nothing to cut them along.
-    if estimate.senders > adaptive.senders * adaptive.tolerance {
+    if cut_patches {
         let errors = sender_errors(state, solved, variation);
         let sum: f64 = errors.iter().sum();
         let mut members = vec![Vec::new(); geometry.patches().len()];

@@ -61,7 +61,9 @@ pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
 /// Area of a report cell on the surface of every exposed element.
 fn cell_areas(state: &State<'_>, k: u32) -> Vec<f64> {
     let geometry = &state.geometry;
-    let of_surface = |s: usize| geometry.scene().surfaces[s].area() / (geometry.mesh().pieces(s).len() as f64 * f64::from(k).powi(2));
+    let of_surface = |s: usize| {
+        geometry.scene().surfaces[s].area() / (geometry.mesh().pieces(s).len() as f64 * f64::from(k).powi(2))
+    };
     geometry.surfaces().into_iter().map(|s| of_surface(s as usize)).collect()
 }
 
@@ -153,7 +155,8 @@ fn probe(
         let mut sums = [0.0; 2];
         for band in 0..b.count() {
             let of_band = &values[band * m..][..m];
-            let [fine, same] = [0, 1].map(|which| row.iter().zip(of_band).map(|(f, v)| f * v[which]).sum::<f64>() / area);
+            let [fine, same] =
+                [0, 1].map(|which| row.iter().zip(of_band).map(|(f, v)| f * v[which]).sum::<f64>() / area);
             sums[0] += (fine - same).powi(2);
             sums[1] += (same - solved.irradiance.band(band)[e]).powi(2) * averaged(e);
         }

@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Elements gather from patches (M. F. Cohen, D. P. Greenberg, D. S. Immel and P. J. Brock, "An efficient radiosity approach for realistic
-//! image synthesis", IEEE CG&A 6(3), 1986). Cells are the first patches and the roots of quadtrees; elements are leaves. An element that is cut
+//! image synthesis", IEEE CG&A 6(3), 1986). Cells, cut at contacts, are the first patches and the roots of quadtrees; elements are
+//! leaves. An element that is cut
 //! gives way to four with rows of their own; every other row stays, so a round computes as many rows as it has new elements. A
 //! patch is cut where it is too large for those it lights: of a pairwise estimator the columns of its parts are new work, of a row-wise one the
 //! rows that see it are computed again, with the same rays. Both are counted ([`Round`]).
@@ -23,8 +24,8 @@ mod variation;
 use std::time::{Duration, Instant};
 
 use radiosity_core::{BandValues, Cost, Solution, StopRule, StoreError, System, solve_from};
-use radiosity_form_factors::{Receivers, Rows};
 use radiosity_form_factors::stores::{MovableFormFactors, Source};
+use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
 use radiosity_geometry::{Facets, Occluders, Scene};
 
@@ -201,8 +202,8 @@ impl<'a> State<'a> {
     fn new(scene: &'a Scene, strategy: &Strategy, adaptive: &Adaptive) -> Result<Self, RunError> {
         let clock = Instant::now();
         let cells = adaptive.cells;
-        let mut geometry =
-            Geometry::new(scene, &MeshSettings { elements: cells, patches: Some(cells), contacts: true })?;
+        // Every part of a cell that a contact cuts is a patch of its own: light does not pass a partition within one.
+        let mut geometry = Geometry::new(scene, &MeshSettings { elements: cells, patches: None, contacts: true })?;
         for _ in 0..adaptive.level {
             let all = vec![true; geometry.mesh().elements.len()];
             geometry = geometry.on(geometry.mesh().refined(&all).mesh);
@@ -287,8 +288,7 @@ impl<'a> State<'a> {
         let areas = self.geometry.elements().areas();
         let form = Shape::ElementsToPatches.form();
         let parent = self.geometry.parent();
-        let system =
-            System::substructured(&self.store, form, &areas, parent, emission.view(), reflectance.view())?;
+        let system = System::substructured(&self.store, form, &areas, parent, emission.view(), reflectance.view())?;
         let rule = StopRule::unshot(strategy.unshot).steps(strategy.steps);
         let from = self.start.as_ref().map(BandValues::view);
         let solved = solve_from(&system, &mut *named(&strategy.solver)?, &rule, &mut (), from)?;
@@ -337,8 +337,7 @@ impl<'a> State<'a> {
         };
         let (old, new) = (geometry.mesh(), &self.geometry);
         let place = places(geometry.exposed(), old.elements.len());
-        let elements: Vec<Origin> =
-            new.exposed().iter().map(|&e| renamed(plan.elements[e as usize], &place)).collect();
+        let elements: Vec<Origin> = new.exposed().iter().map(|&e| renamed(plan.elements[e as usize], &place)).collect();
         let place = places(geometry.exposed_patches(), old.patch_facets.len());
         let patches: Vec<Origin> =
             new.exposed_patches().iter().map(|&p| renamed(plan.patches[p as usize], &place)).collect();

@@ -120,7 +120,8 @@ mod tests {
     /// On a rectangle of a × b the mean square of x is a²/12.
     #[test]
     fn a_slope_along_an_edge_errs_by_its_length_over_the_root_of_12() {
-        let rectangle = Polygon::new(&[DVec3::ZERO, DVec3::X * 3.0, DVec3::new(3.0, 5.0, 0.0), DVec3::Y * 5.0]).unwrap();
+        let rectangle =
+            Polygon::new(&[DVec3::ZERO, DVec3::X * 3.0, DVec3::new(3.0, 5.0, 0.0), DVec3::Y * 5.0]).unwrap();
         assert!((mean_square(&rectangle, DVec3::X * 2.0) - 4.0 * 9.0 / 12.0).abs() < 1e-14);
         assert!((mean_square(&rectangle, DVec3::Y) - 25.0 / 12.0).abs() < 1e-14);
     }
