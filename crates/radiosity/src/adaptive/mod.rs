@@ -101,6 +101,19 @@ impl Adaptive {
     }
 }
 
+impl Adaptive {
+    /// The same from `cells` × `cells` patches a face on, with elements at least as fine as the cells of the goal.
+    pub fn from_cells(self, cells: u32) -> Self {
+        let wanted = match self.goal {
+            Goal::Points => cells,
+            Goal::Cells(k) => k,
+        };
+        let level =
+            (0..self.most_level).find(|&l| u64::from(cells) << l >= u64::from(wanted)).unwrap_or(self.most_level);
+        Self { cells: Subdivision::Uniform(cells), level, ..self }
+    }
+}
+
 /// Few cells, and the level at which elements nest in k × k others.
 fn nested(k: u32) -> (u32, u8) {
     match k {
