@@ -5,15 +5,15 @@
 //! element, shooting (patches → elements) only for every patch; the error of a patch's constant radiosity stays while
 //! n is small and vanishes as n → m. Measured on the Cornell box by hemicube, as in the course (reference: a much finer run),
 //! and in an empty room by analytic pairs (reference: pairs on a finer mesh, whose cost a pair does not depend on what
-//! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. Beside them stands what the same
-//! accuracy costs without patches, where rows of rays meet few elements of many: elements and rays varied together, with the worst cell and the
-//! signed bias of every face. Read: time against m·n; error against n and against time. Not shown: patches chosen where they
-//! are needed.
+//! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. On the Cornell box also elements
+//! and patches that are cut where the estimated error is, to given tolerances, with patches cut and with patches fixed; and what the same
+//! accuracy costs without patches, where rows of rays meet few elements of many: elements and rays varied together, with the worst cell and
+//! the signed bias of every face. Read: time against m·n; error against n and against time. Not shown: links between levels.
 
 use std::error::Error;
 
-use radiosity::{GridValues, Method, Shape, Store, Strategy, Yardstick};
-use radiosity_experiments::{Context, Experiment, Profile, SeriesOfRows, Tables, group_by};
+use radiosity::{Adaptive, Goal, GridValues, Method, Shape, Store, Strategy, Yardstick, run_adaptive};
+use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::ManufacturedRoom;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
@@ -57,6 +57,45 @@ fn meshes(profile: Profile) -> [Vec<(u32, u32)>; 2] {
     let fixed = profile.pick(1, 2, 2);
     let elements = profile.pick(vec![1, 2, 4], vec![2, 4, 8], vec![2, 4, 8, 16]);
     [patches, elements.into_iter().map(|e| (e, fixed)).collect()]
+}
+
+/// Tolerances of adaptive runs.
+fn tolerances(profile: Profile) -> Vec<f64> {
+    profile.pick(vec![0.04, 0.02], vec![0.04, 0.02, 0.01], vec![0.04, 0.02, 0.01, 0.005])
+}
+
+/// An adaptive run over the report grid, whose patches are cut or stay as they are.
+fn adaptive(scene: &Scene, truth: &Truth, tolerance: f64, cut: bool) -> Result<Record, Box<dyn Error>> {
+    let plain = Strategy::new(Subdivision::Uniform(1), Method::exact(1e-6, 1e-4));
+    let strategy = Strategy { shape: Shape::ElementsToPatches, solver: "gauss-seidel".to_owned(), ..plain };
+    let mut settings = Adaptive::new(Goal::Cells(GRID), tolerance);
+    if !cut {
+        settings.senders = f64::INFINITY;
+    }
+    let done = run_adaptive(scene, &strategy, &settings)?;
+    let (run, rounds) = (&done.run, &done.rounds);
+    let error = GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?.error(&truth.grid);
+    let sum = |count: &dyn Fn(&radiosity::Round) -> usize| rounds.iter().map(count).sum::<usize>();
+    let estimate = rounds.last().ok_or("no round")?.estimate;
+    let patches = if cut { "patches cut" } else { "patches fixed" };
+    let record = counts(described(format!("Cornell box/adaptive/{tolerance}/{patches}"), &strategy), &run.cost())
+        .text("scene", "Cornell box")
+        .text("series", "adaptive")
+        .text("refinement", patches)
+        .float("tolerance", tolerance)
+        .text("met", done.met)
+        .int("rounds", rounds.len())
+        .int("elements", run.geometry.elements().len())
+        .int("patches", run.geometry.patches().len())
+        .int("new_elements", sum(&|round| round.new_elements))
+        .int("rows_again", sum(&|round| round.rows_again))
+        .int("stored_bytes", run.stored_bytes)
+        .float("error", error.rms)
+        .float("worst_cell", error.worst)
+        .float("estimate", estimate.total())
+        .float("estimated_senders", estimate.senders)
+        .float("reference_error", truth.error);
+    Ok(record.repetitions("time", &[run.seconds() + done.estimating.as_secs_f64()]))
 }
 
 fn strategies(elements: u32, patches: u32, method: Method) -> Vec<Strategy> {
@@ -150,19 +189,24 @@ impl Experiment for Substructuring {
     }
 
     fn settings(&self, profile: Profile) -> serde_json::Value {
-        serde_json::json!({ "meshes": format!("{:?}", meshes(profile)), "unshot": 1e-4, "seed": 1 })
+        serde_json::json!({ "meshes": format!("{:?}", meshes(profile)), "unshot": 1e-4, "tolerances": tolerances(profile), "seed": 1 })
     }
 
     fn slack(&self, column: &str) -> f64 {
         // Differences of nearly equal answers: their last digits depend on the processor.
-        if column.starts_with("solver_error") || column == "form_factor_error" { 1e-12 } else { 0.0 }
+        if column.starts_with("solver_error") || column.starts_with("estimate") || column == "form_factor_error" {
+            1e-12
+        } else {
+            0.0
+        }
     }
 
     fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
         let profile = context.profile();
         let [varied_n, varied_m] = meshes(profile);
         let cases = cases(profile)?;
-        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len());
+        let tolerances = tolerances(profile);
+        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len() + 2 * tolerances.len());
         for case in &cases {
             let truth = if case.name == "Cornell box" {
                 cornell_truth(context, &case.scene)?
@@ -174,7 +218,7 @@ impl Experiment for Substructuring {
             }
             let reference_error = truth.error;
             let most_pairs = profile.pick(1 << 14, 1 << 17, 1 << 20);
-            let mut yardstick = Yardstick::new(&case.scene, truth.grid, GRID, case.best, most_pairs);
+            let mut yardstick = Yardstick::new(&case.scene, truth.grid.clone(), GRID, case.best, most_pairs);
             for (series, meshes) in [("n varied", &varied_n), ("m varied", &varied_m)] {
                 for &(elements, patches) in meshes {
                     for strategy in strategies(elements, patches, case.method) {
@@ -190,6 +234,12 @@ impl Experiment for Substructuring {
                         context.record(times(line, &case.scene, &strategy, &measured)?);
                         context.tick(key);
                     }
+                }
+            }
+            if case.name == "Cornell box" {
+                for (&tolerance, cut) in tolerances.iter().flat_map(|t| [(t, true), (t, false)]) {
+                    context.record(adaptive(&case.scene, &truth, tolerance, cut)?);
+                    context.tick(format!("adaptive {tolerance}"));
                 }
             }
         }
@@ -214,6 +264,18 @@ impl Experiment for Substructuring {
             });
             let lines: Vec<_> = lines.collect();
             Panel::new(Axis::log("time", "s"), Axis::log(label, "share of the mean")).all_series(lines)
+        };
+        let refined = |x: &str, title: &str| {
+            let rows = tables.select_eq("series", "adaptive");
+            let line = |(name, rows): (String, Vec<Row<'_>>)| {
+                Series::new(&*name, &*name).rows(rows, |r| (value(r, x), r.number("error")))
+            };
+            let lines: Vec<_> =
+                group_by(rows, "refinement").into_iter().map(|(name, rows)| line((name.to_string(), rows))).collect();
+            let unit = if x == "time" { "s" } else { "" };
+            Panel::new(Axis::log(title, unit), Axis::log("error", "share of the mean"))
+                .title("Cornell box")
+                .all_series(lines)
         };
         let n = ("patches", "patches n, m fixed");
         let m = ("elements", "elements m, n fixed");
@@ -242,6 +304,11 @@ impl Experiment for Substructuring {
                 .caption("Cornell box, rays with exact emitters, sparse rows; a line an element size, a mark a number of rays. Mesh, form factors and solution.")
                 .panel(of_rays("error", "rms error"))
                 .panel(of_rays("worst_cell", "worst cell")),
+            Figure::new("adaptive", "Refined where the error is")
+                .caption("One mark a tolerance, over 8 × 8 cells a face; pairs are exact. Fixed patches stay where they began: their error does not fall.")
+                .panel(refined("patches", "patches n"))
+                .panel(refined("form_factors", "form factors"))
+                .panel(refined("time", "time")),
         ]
     }
 
@@ -281,6 +348,19 @@ impl Experiment for Substructuring {
                     numbers::percent(r.number("worst_cell")),
                 )
             }));
+        }
+        let refined = tables.select(|r| r.text("series") == "adaptive" && r.text("refinement") == "patches cut");
+        if let Some(last) = refined.last() {
+            reading.push(format!(
+                "Refined where the error is to a tolerance of {}, {} elements under {} patches have an error of {}; {} rows were computed for \
+                 them, and {} were added to when patches were cut.",
+                numbers::percent(last.number("tolerance")),
+                last.number("elements"),
+                last.number("patches"),
+                numbers::percent(last.number("error")),
+                last.number("new_elements"),
+                last.number("rows_again"),
+            ));
         }
         let shoot = rows("patches-to-elements");
         if let (Some(full), Some(some)) = (rows("full").first(), shoot.get(1)) {

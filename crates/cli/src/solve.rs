@@ -2,8 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use radiosity::{FittedRows, Geometry, GridValues, Method, Run, Saving, Shape, Solved, Strategy, ToleranceStep};
-use radiosity::{default_method, predict, run as run_strategy, run_saved, run_to_tolerance};
+use radiosity::{
+    Adaptive, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, Method, Round, Run, RunError, Saving,
+};
+use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
+use radiosity::{default_method, predict, run as run_strategy, run_adaptive, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
@@ -20,6 +23,9 @@ use crate::{Failure, Verdict, output, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
 const MOST_ELEMENTS: usize = 40_000;
+
+/// Cells of the report grid that a tolerance is of, if none is asked for.
+const REPORT_GRID: u32 = 8;
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
@@ -54,8 +60,8 @@ pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimat
 enum Way<'a> {
     /// By one run.
     Straight,
-    /// By refinement: its steps, and whether the tolerance was met.
-    Refined(Vec<ToleranceStep>, bool),
+    /// By refinement to a tolerance.
+    Refined(Refinement),
     /// From the solution of another scene, which took so many seconds.
     After { path: &'a Path, seconds: f64, saving: Saving },
 }
@@ -97,11 +103,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     }
     drop(geometry);
     let (run, way) = match args.tolerance {
-        Some(tolerance) => {
-            let report_grid = args.report_grid.unwrap_or(8);
-            let done = run_to_tolerance(scene, &strategy, tolerance, report_grid, MOST_ELEMENTS)?;
-            (done.run, Way::Refined(done.steps, done.met))
-        }
+        Some(tolerance) => to_tolerance(args, scene, &mut strategy, tolerance)?,
         None => (run_strategy(scene, &strategy, &mut ())?, Way::Straight),
     };
     finish(args, imported, &strategy, None, &run, way)
@@ -143,6 +145,37 @@ fn one_moved(scene: &Scene, change: &SceneChange, before: &Path) -> Result<(), F
         "{second} is not where it was in {before}, and neither is {first}; --after takes scenes in which one face or one object moved"
     )
     .into())
+}
+
+/// How a mesh was refined to a tolerance, and whether that was met.
+enum Refinement {
+    Adaptive(Vec<Round>, bool),
+    Uniform(Vec<ToleranceStep>, bool),
+}
+
+/// Refines where the error is, or everywhere alike if what is asked for works in the full form alone.
+fn to_tolerance<'a>(
+    args: &SolveArgs,
+    scene: &'a Scene,
+    strategy: &mut Strategy,
+    tolerance: f64,
+) -> Result<(Run<'a>, Way<'static>), RunError> {
+    let report_grid = args.report_grid.unwrap_or(REPORT_GRID);
+    let mut gathering = Strategy { shape: Shape::ElementsToPatches, ..strategy.clone() };
+    if args.solver.is_none() {
+        "gauss-seidel".clone_into(&mut gathering.solver);
+    }
+    if args.repair || strategy.store != Store::Dense || gathering.check().is_err() {
+        let done = run_to_tolerance(scene, strategy, tolerance, report_grid, MOST_ELEMENTS)?;
+        return Ok((done.run, Way::Refined(Refinement::Uniform(done.steps, done.met))));
+    }
+    let mut adaptive = Adaptive { most_elements: MOST_ELEMENTS, ..Adaptive::new(Goal::Cells(report_grid), tolerance) };
+    if let Some(cells) = args.mesh.patch_subdivide {
+        adaptive = adaptive.from_cells(cells);
+    }
+    let done = run_adaptive(scene, &gathering, &adaptive)?;
+    *strategy = Strategy { method: done.method, ..gathering };
+    Ok((done.run, Way::Refined(Refinement::Adaptive(done.rounds, done.met))))
 }
 
 /// Solves on form factors from a file.
@@ -216,11 +249,11 @@ fn finish(
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
-        Way::Refined(steps, met) => {
-            object["refinement"] = refinement_json(&steps, met);
-            let last = steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms);
+        Way::Refined(refinement) => {
+            let (estimate, met) = refinement.result();
+            object["refinement"] = refinement.json();
             lines.push(format!(
-                "estimated rms error of irradiance {last:.2e}; tolerance {}",
+                "estimated rms error of irradiance {estimate:.2e}; tolerance {}",
                 if met { "met" } else { "not met" }
             ));
             if !met {
@@ -374,18 +407,50 @@ fn with_names<T>(strategy: &Strategy, run: &Run<'_>, with: impl FnOnce(Names<'_>
     }
 }
 
-fn refinement_json(steps: &[ToleranceStep], met: bool) -> Value {
-    let steps: Vec<Value> = steps
-        .iter()
-        .map(|s| {
-            json!({
-                "subdivision": s.subdivision,
-                "elements": s.elements,
-                "difference": s.difference.as_ref().map(output::error),
-            })
-        })
-        .collect();
-    json!({ "met": met, "steps": steps })
+impl Refinement {
+    /// The last estimate of the error, and whether it met the tolerance.
+    fn result(&self) -> (f64, bool) {
+        match self {
+            Self::Adaptive(rounds, met) => (rounds.last().map_or(f64::NAN, |round| round.estimate.total()), *met),
+            Self::Uniform(steps, met) => {
+                (steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms), *met)
+            }
+        }
+    }
+
+    fn json(&self) -> Value {
+        let (estimate, met) = self.result();
+        let steps: Vec<Value> = match self {
+            Self::Adaptive(rounds, _) => rounds.iter().map(round_json).collect(),
+            Self::Uniform(steps, _) => steps.iter().map(step_json).collect(),
+        };
+        let kind = if matches!(self, Self::Adaptive(..)) { "adaptive" } else { "uniform" };
+        json!({ "kind": kind, "met": met, "estimate": estimate, "steps": steps })
+    }
+}
+
+fn round_json(round: &Round) -> Value {
+    let ErrorEstimate { elements, senders, form_factors, solver } = round.estimate;
+    json!({
+        "elements": round.elements,
+        "patches": round.patches,
+        "new_elements": round.new_elements,
+        "rows_again": round.rows_again,
+        "counts": output::cost(&round.cost),
+        "steps": round.steps,
+        "estimate": {
+            "total": round.estimate.total(),
+            "elements": elements, "senders": senders, "form_factors": form_factors, "solver": solver,
+        },
+    })
+}
+
+fn step_json(step: &ToleranceStep) -> Value {
+    json!({
+        "subdivision": step.subdivision,
+        "elements": step.elements,
+        "difference": step.difference.as_ref().map(output::error),
+    })
 }
 
 fn summary(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Vec<String> {
@@ -490,11 +555,11 @@ fn ply_faces(run: &Run<'_>) -> Vec<PlyFace> {
     let values: Vec<[f64; 3]> = (0..mesh.elements.len()).map(|k| three(&b, k)).collect();
     // Lights are far brighter than what they light: white is what 2 % of the area exceeds.
     let exposure = Exposure::of_share(&values, &mesh.areas(), 0.98);
-    let face = |(k, value): (usize, &[f64; 3])| PlyFace {
-        vertices: mesh.element_facets.polygons(k)[0].vertices().to_vec(),
+    let face = |((k, value), vertices): ((usize, &[f64; 3]), Vec<_>)| PlyFace {
+        vertices,
         surface: mesh.elements[k].surface,
         colour: exposure.colour(*value),
         radiosity: *value,
     };
-    values.iter().enumerate().map(face).collect()
+    values.iter().enumerate().zip(mesh.without_cracks()).map(face).collect()
 }

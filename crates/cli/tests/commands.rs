@@ -181,6 +181,16 @@ fn refinement_stops_at_its_tolerance_and_says_so() {
     done(&ran);
     let object: Value = serde_json::from_str(&ran.stdout).unwrap();
     let steps = object["refinement"]["steps"].as_array().unwrap();
+    let last = steps.last().unwrap()["estimate"]["total"].as_f64().unwrap();
+    assert!(object["refinement"]["met"].as_bool().unwrap() && last <= 0.02, "{object}");
+    assert_eq!(object["refinement"]["estimate"].as_f64(), Some(last));
+    // As many rows as elements, all of them new.
+    assert_eq!(steps[0]["counts"]["source_evaluations"], steps[0]["new_elements"]);
+    // Conjugate gradients need the full form: everything is refined alike.
+    let ran = folder.run("solve squares.obj --tolerance 0.02 --solver cg --json");
+    done(&ran);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let steps = object["refinement"]["steps"].as_array().unwrap();
     let last = steps.last().unwrap()["difference"]["rms"].as_f64().unwrap();
     assert!(object["refinement"]["met"].as_bool().unwrap() && last <= 0.02 && steps.len() > 1, "{object}");
 }

@@ -40,6 +40,31 @@ pub fn rows<'a>(
         Form::Full | Form::PatchesToElements => Receivers::facets(elements),
     };
     let hits = || geometry.element_occluders();
+    with_emitters(geometry, method, form, (sources, targets), receivers, hits, seed)
+}
+
+/// Rows of `method` from any facets of the scene of `geometry` to its patches, at which rays end; `hits` are those patches as blockers.
+pub(crate) fn patch_rows<'a>(
+    geometry: &'a Geometry<'_>,
+    sources: &'a Facets,
+    hits: &'a Occluders,
+    method: Method,
+    seed: u64,
+) -> Result<Box<dyn Rows + 'a>, RunError> {
+    let patches = geometry.patches();
+    let form = Form::ElementsToPatches;
+    with_emitters(geometry, method, form, (sources, patches), Receivers::facets(patches), || hits, seed)
+}
+
+pub(crate) fn with_emitters<'a>(
+    geometry: &'a Geometry<'_>,
+    method: Method,
+    form: Form,
+    (sources, targets): (&'a Facets, &'a Facets),
+    receivers: Receivers<'a>,
+    hits: impl Fn() -> &'a Occluders,
+    seed: u64,
+) -> Result<Box<dyn Rows + 'a>, RunError> {
     if let Method::RaysAndEmitters { rays } = method {
         let tolerance = EMITTER_ERROR / f64::from(rays);
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
@@ -111,7 +136,7 @@ pub fn cell_form_factors(
     Ok((store, Phase { cost, time: clock.elapsed() }))
 }
 
-fn build<'a>(
+pub(crate) fn build<'a>(
     method: Method,
     sources: &'a Facets,
     targets: &'a Facets,

@@ -1,6 +1,6 @@
 //! A scene with its mesh, as estimators and systems see it: exposed elements only.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use radiosity_core::BandValues;
 use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings};
@@ -13,12 +13,14 @@ use radiosity_geometry::{Facets, Occluders, Scene};
 pub struct Geometry<'a> {
     scene: &'a Scene,
     mesh: Mesh,
-    blockers: Occluders,
+    blockers: Arc<Occluders>,
     element_occluders: OnceLock<Occluders>,
     /// Mesh element of every exposed element.
     exposed: Vec<u32>,
     elements: Facets,
     patches: Facets,
+    /// Mesh patch of every patch with an exposed element.
+    exposed_patches: Vec<u32>,
     parent: Vec<u32>,
     emitters: (Facets, Vec<u32>),
 }
@@ -44,6 +46,15 @@ impl<'a> Geometry<'a> {
     /// [`MeshError`] if the settings make no mesh.
     pub fn new(scene: &'a Scene, settings: &MeshSettings) -> Result<Self, MeshError> {
         let mesh = Mesh::new(scene, &Occluders::of_scene(scene), settings)?;
+        Ok(Self::of_mesh(scene, mesh, Arc::new(Occluders::blocking(scene))))
+    }
+
+    /// The same scene on another mesh of it.
+    pub(crate) fn on(&self, mesh: Mesh) -> Self {
+        Self::of_mesh(self.scene, mesh, Arc::clone(&self.blockers))
+    }
+
+    fn of_mesh(scene: &'a Scene, mesh: Mesh, blockers: Arc<Occluders>) -> Self {
         let mut exposed: Vec<u32> = (0..mesh.elements.len() as u32).collect();
         exposed.retain(|&e| !mesh.elements[e as usize].covered);
         // Patches that keep an exposed element, renumbered in order.
@@ -51,20 +62,19 @@ impl<'a> Geometry<'a> {
         for &e in &exposed {
             number[mesh.elements[e as usize].parent as usize] = 0;
         }
-        let mut patches = Facets::new();
+        let (mut patches, mut exposed_patches) = (Facets::new(), Vec::new());
         for (p, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
             *number = patches.len() as u32;
             patches.push(mesh.patch_facets.polygons(p).to_vec(), false);
+            exposed_patches.push(p as u32);
         }
         let mut elements = Facets::new();
         for &e in &exposed {
             elements.push(mesh.element_facets.polygons(e as usize).to_vec(), false);
         }
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
-        let blockers = Occluders::blocking(scene);
-        let element_occluders = OnceLock::new();
-        let emitters = emitters(scene);
-        Ok(Self { scene, mesh, blockers, element_occluders, exposed, elements, patches, parent, emitters })
+        let (element_occluders, emitters) = (OnceLock::new(), emitters(scene));
+        Self { scene, mesh, blockers, element_occluders, exposed, elements, patches, exposed_patches, parent, emitters }
     }
 
     /// The scene.
@@ -90,6 +100,11 @@ impl<'a> Geometry<'a> {
     /// Patches with an exposed element: n of them.
     pub fn patches(&self) -> &Facets {
         &self.patches
+    }
+
+    /// Mesh patch of every patch of [`Self::patches`].
+    pub(crate) fn exposed_patches(&self) -> &[u32] {
+        &self.exposed_patches
     }
 
     /// Patch of every exposed element.

@@ -7,6 +7,7 @@
 //! A [`Strategy`] names one choice at every arrow; [`run`] follows it. Nothing here touches files, the environment or
 //! global state.
 
+pub mod adaptive;
 pub mod errors;
 mod estimate;
 mod geometry;
@@ -19,6 +20,7 @@ mod strategy;
 mod tolerance;
 mod yardstick;
 
+pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
 pub use errors::{ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;

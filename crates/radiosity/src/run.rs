@@ -430,7 +430,7 @@ fn foresee(system: &System<'_>, strategy: &Strategy) -> Result<Option<Forecasted
     Ok(Some(Forecasted { forecast, cost, time: clock.elapsed() }))
 }
 
-fn named(solver: &str, seed: u64) -> Result<Box<dyn Solver>, RunError> {
+pub(crate) fn named(solver: &str, seed: u64) -> Result<Box<dyn Solver>, RunError> {
     let known = || format!("{}, {STOCHASTIC}", NAMES.join(", "));
     seeded(solver, seed).ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: known() })
 }

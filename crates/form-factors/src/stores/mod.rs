@@ -5,6 +5,7 @@
 //! | [`DenseFormFactors`] | every entry, 8 bytes | without a copy | closed rooms, direct methods |
 //! | [`SparseFormFactors`] | entries that are not zero, 12 bytes each | without a copy | scenes that hide most pairs |
 //! | [`PackedFormFactors`] | symmetric entries once, in tiles of 4 or 8 bytes an entry | a row copied to the caller's buffer | large closed rooms, products at the speed of memory |
+//! | [`MovableFormFactors`] | every entry, 8 bytes | without a copy | meshes that are refined between solutions |
 //! | [`OnDemand`] | nothing, or the rows asked for so far | a row computed in the caller's buffer | shooting, little memory |
 //!
 //! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
@@ -15,6 +16,7 @@
 mod dense;
 mod dot;
 mod lanes;
+mod movable;
 mod on_demand;
 mod packed;
 mod sparse;
@@ -26,6 +28,7 @@ use radiosity_core::{BandValues, Bands, BandsMut, Block, Cost, FormFactors, Rela
 use rayon::prelude::*;
 
 pub use dense::DenseFormFactors;
+pub use movable::{MovableFormFactors, Source};
 pub use on_demand::{Keep, OnDemand};
 pub use packed::PackedFormFactors;
 pub use sparse::SparseFormFactors;

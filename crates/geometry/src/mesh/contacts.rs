@@ -25,6 +25,12 @@ pub(super) struct Line {
     b: DVec3,
 }
 
+impl Line {
+    pub(super) fn new(a: DVec3, b: DVec3) -> Self {
+        Self { a, b }
+    }
+}
+
 /// Contacts of a scene.
 pub(super) struct Contacts<'a> {
     occluders: &'a Occluders,
@@ -151,12 +157,12 @@ fn lines_between(face: &Polygon, other: &Polygon, tolerance: f64, lines: &mut Ve
 }
 
 /// Boxes of cells in pairs, pairs of pairs and so on: neighbours in the list are neighbours in space.
-struct BoxTree {
+pub(super) struct BoxTree {
     levels: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 impl BoxTree {
-    fn new(cells: &[Polygon]) -> Self {
+    pub(super) fn new(cells: &[Polygon]) -> Self {
         let mut levels = vec![cells.iter().map(Polygon::bounds).collect::<Vec<_>>()];
         while levels[levels.len() - 1].len() > 1 {
             let union = |pair: &[(DVec3, DVec3)]| pair.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
@@ -167,7 +173,7 @@ impl BoxTree {
     }
 
     /// Calls `found` with every cell whose box, grown by `slack`, meets the line.
-    fn visit(&self, line: &Line, slack: f64, found: &mut dyn FnMut(usize)) {
+    pub(super) fn visit(&self, line: &Line, slack: f64, found: &mut dyn FnMut(usize)) {
         let mut stack = vec![(self.levels.len() - 1, 0)];
         while let Some((level, k)) = stack.pop() {
             let Some(&(lo, hi)) = self.levels[level].get(k) else { continue };

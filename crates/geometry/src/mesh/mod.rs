@@ -1,8 +1,11 @@
 //! Meshes: surfaces cut into elements, which hold radiosity, and patches, which send it.
 //!
-//! What is *not* here: refinement driven by a solution; a mesh never changes.
+//! What is *not* here: what decides where a mesh is refined. A mesh never changes: [`Mesh::refined`] makes another one.
 
 mod contacts;
+mod display;
+mod quadtree;
+mod refine;
 mod report_grid;
 mod subdivide;
 
@@ -11,8 +14,11 @@ use rayon::prelude::*;
 
 use crate::{Facets, Occluders, Polygon, Scene};
 use contacts::Contacts;
+use quadtree::Path;
 use subdivide::{Grids, MAX_CELLS, grids};
 
+pub use quadtree::{MAX_LEVEL, Neighbours};
+pub use refine::{Origin, Refined};
 pub use report_grid::{ReportCell, ReportGrid};
 pub use subdivide::{Piece, Subdivision};
 
@@ -71,16 +77,29 @@ pub struct Element {
     pub parent: u32,
     /// Whether it lies inside a solid: it sends and receives nothing.
     pub covered: bool,
+    /// How often its cell was halved along both directions to get it.
+    pub level: u8,
+    /// Its node in the quadtree of its cell; nodes of a cell are in ascending order.
+    pub(crate) path: Path,
+}
+
+impl Element {
+    /// Whether two elements are parts of one leaf of a cell's quadtree: the same, or cut apart by a contact.
+    pub fn same_leaf(&self, other: &Self) -> bool {
+        let place = |e: &Self| (e.surface, e.i, e.j, e.level, e.path);
+        place(self) == place(other)
+    }
 }
 
 /// Elements and patches of a scene.
 ///
-/// A cell (surface, i, j) is one element, or several where it is cut at a contact. A patch of which a part is covered is two
+/// A cell (surface, i, j) is one element, or several where it is cut at a contact or refined: it is the root of a quadtree
+/// whose leaves are whole elements, or several where they are cut. A patch of which a part is covered is two
 /// patches, one of the parts that see something and one, covered, of the rest: so a patch's area is always the sum
 /// of its elements' areas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
-    /// Elements in the order of surfaces, pieces, rows and columns.
+    /// Elements in the order of surfaces, pieces, rows, columns and nodes of a cell's quadtree.
     pub elements: Vec<Element>,
     /// One polygon an element.
     pub element_facets: Facets,
@@ -221,7 +240,8 @@ impl Mesh {
                 for (part, covered) in parts.into_iter().zip(flags) {
                     let own = self.elements.len() as u32;
                     let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
-                    self.elements.push(Element { surface: piece.surface, i: piece.offset() + i, j, parent, covered });
+                    let (surface, i) = (piece.surface, piece.offset() + i);
+                    self.elements.push(Element { surface, i, j, parent, covered, level: 0, path: Path::ROOT });
                     if !has_patches {
                         self.patch_facets.push(vec![part.clone()], covered);
                     }
@@ -291,21 +311,23 @@ impl Mesh {
         &self.pieces[self.face_begins[faces.start]..self.face_begins[faces.end]]
     }
 
-    /// The element at parameters (u, v) of a surface's piece (see [`Piece::point`]), or `None` outside it.
+    /// The element at parameters (u, v) of a surface's piece (see [`Piece::point`]), or `None` outside it; takes a time that
+    /// grows with the level of the elements there, and with the parts that a contact cuts them into.
     ///
     /// # Panics
     ///
     /// If there is no such piece.
     pub fn locate(&self, surface: usize, piece: usize, u: f64, v: f64) -> Option<usize> {
-        let (i, j) = self.pieces(surface)[piece].cell_at(u, v)?;
         let k = self.face_begins[self.surface_begins[surface]] + piece;
-        let cell = self.cell_begins[k] + self.pieces[k].position(i, j);
-        let parts = self.element_begins[cell]..self.element_begins[cell + 1];
-        if parts.len() == 1 {
-            return Some(parts.start);
+        let at = &self.pieces[k];
+        let (i, j) = at.cell_at(u, v)?;
+        let cell = self.cell_elements(k, i, j);
+        if cell.len() == 1 {
+            return Some(cell.start);
         }
+        let parts = self.leaf(cell, at.path_at(i, j, u, v));
         // Of the parts of a cut cell the one in which the point lies deepest.
-        let point = self.pieces[k].point(u, v);
+        let point = at.point(u, v);
         let depth = |e: usize| depth(&self.element_facets.polygons(e)[0], point);
         parts.max_by(|&a, &b| depth(a).total_cmp(&depth(b)).then(b.cmp(&a)))
     }

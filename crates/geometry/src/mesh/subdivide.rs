@@ -118,9 +118,9 @@ impl Piece {
         if self.corners.len() == 3 { j * (2 * n - j) + i } else { j * n + i }
     }
 
-    /// Grid point (i, j).
-    fn vertex(&self, i: u32, j: u32) -> DVec3 {
-        let (nu, nv) = self.cells;
+    /// Point (i, j) of the grid whose cells are halved `level` times.
+    fn vertex(&self, level: u8, i: u32, j: u32) -> DVec3 {
+        let (nu, nv) = self.lattice(level);
         match self.corners[..] {
             [a, b, c] => {
                 let (left, right) = (on_edge(a, c, j, nv), on_edge(b, c, j, nv));
@@ -131,13 +131,24 @@ impl Piece {
         }
     }
 
+    /// Cells along both directions when each is halved `level` times.
+    pub(super) fn lattice(&self, level: u8) -> (u32, u32) {
+        (self.cells.0 << level, self.cells.1 << level)
+    }
+
     /// Vertices of cell (i, j).
     pub(super) fn cell(&self, i: u32, j: u32) -> Vec<DVec3> {
-        let at = |p: [(u32, u32); 3]| p.map(|(i, j)| self.vertex(i, j)).to_vec();
+        self.cell_of(0, i, j)
+    }
+
+    /// Vertices of cell (i, j) of the grid whose cells are halved `level` times: those that two levels have in common are the same
+    /// bit for bit.
+    pub(super) fn cell_of(&self, level: u8, i: u32, j: u32) -> Vec<DVec3> {
+        let at = |p: [(u32, u32); 3]| p.map(|(i, j)| self.vertex(level, i, j)).to_vec();
         match self.corners.len() {
             3 if i.is_multiple_of(2) => at([(i / 2, j), (i / 2 + 1, j), (i / 2, j + 1)]),
             3 => at([(i / 2 + 1, j), (i / 2 + 1, j + 1), (i / 2, j + 1)]),
-            4 => [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| self.vertex(i, j)).to_vec(),
+            4 => [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| self.vertex(level, i, j)).to_vec(),
             _ => self.corners.clone(),
         }
     }

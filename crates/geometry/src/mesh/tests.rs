@@ -222,3 +222,22 @@ fn one_and_two_threads_give_the_same_mesh() {
     };
     assert_eq!(with(1), with(2));
 }
+
+/// A sheet across a room of side 4 at a place that no regular line of the mesh has: no element lies on both sides.
+#[test]
+fn a_partition_across_a_room_is_a_line_of_the_mesh() {
+    let mut faces = cube(4.0);
+    let x = 0.37;
+    let corner = |y: f64, z: f64| DVec3::new(x, y, z);
+    let sheet = quad(corner(-2.0, -2.0), corner(2.0, -2.0), corner(2.0, 2.0), corner(-2.0, 2.0));
+    faces.extend([sheet.iter().rev().copied().collect(), sheet]);
+    let scene = scene_of(&faces);
+    for k in [1, 3, 8] {
+        let mesh = mesh(&scene, &settings(k, None));
+        for (_, polygon) in mesh.element_facets.iter_polygons() {
+            let (lo, hi) = polygon.bounds();
+            assert!(hi.x <= x + 1e-12 || lo.x >= x - 1e-12, "{k}: from {} to {}", lo.x, hi.x);
+        }
+        assert!((mesh.areas().iter().sum::<f64>() - scene.area()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,163 @@
+//! Which elements and patches are cut next.
+//!
+//! A patch p of size s_p = √A_p whose radiosity varies by v_p (rms over its elements and inside them) is seen by an element e at
+//! distance d_ep with an error of about
+//!
+//! ```text
+//! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e (F_ep v_p min(1, s_p/d_ep))²
+//! ```
+//!
+//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep. The fewest patches are cut that carry half of Σ E_p²; one
+//! whose elements are all in one node gets finer elements first, to be cut along. Of elements as many are cut as carry what has to go: cutting divides ε² by
+//! four where H is smooth (bulk criterion; W. Dörfler, SIAM J. Numer. Anal. 33, 1996). What is *not* here: whether it is needed.
+
+use glam::DVec3;
+use radiosity_core::Solution;
+use rayon::prelude::*;
+
+use super::measure::{level, patch_means};
+use super::shadows::crossed;
+use super::variation::Variation;
+use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
+
+/// Share of Σ E_p² that the patches to be cut carry.
+const BULK: f64 = 0.5;
+/// Largest share of the error that the elements to be cut carry: what is left over may have gone by itself.
+const MOST: f64 = 0.75;
+/// Least part of the tolerance that elements are refined to, as squares: the rest is for other errors.
+const ELEMENTS: f64 = 0.3;
+/// What of the error has to go, cut elements lose: a little less than the 3/4 of smooth ones.
+const LOSS: f64 = 0.65;
+/// Patches are cut before most rows are there, to be used by them: while the error of elements is more than twice the tolerance, they
+/// may take this part of their share alone, and what is left of it afterwards.
+const EARLY: f64 = 0.6;
+/// Rows that one task sums over.
+const PIECE: usize = 64;
+
+/// What is to be cut, by element and by patch of the whole mesh.
+pub(super) struct Marks {
+    pub(super) elements: Vec<bool>,
+    pub(super) patches: Vec<bool>,
+}
+
+/// Marks what carries the error of a solution.
+pub(super) fn marks(
+    state: &State<'_>,
+    solved: &Solution,
+    variation: &Variation,
+    estimate: &ErrorEstimate,
+    adaptive: &Adaptive,
+) -> Marks {
+    let (geometry, mesh) = (&state.geometry, state.geometry.mesh());
+    let mut marks = Marks { elements: vec![false; mesh.elements.len()], patches: vec![false; mesh.patch_facets.len()] };
+    let (level, total) = level(state, &solved.irradiance);
+    let early = adaptive.goal == Goal::Points && estimate.elements > 2.0 * adaptive.tolerance;
+    let share = if early { EARLY * adaptive.senders } else { adaptive.senders };
+    let cut_patches = estimate.senders > share * adaptive.tolerance;
+
+    // Elements.
+    let mut cut: Vec<usize> = match adaptive.criterion {
+        Criterion::Gradient(share) => {
+            let most = geometry.reflectance().values().iter().copied().fold(0.0, f64::max);
+            let rho = geometry.reflectance();
+            let steep = |&e: &usize| {
+                let rho = (0..rho.count()).map(|b| rho.band(b)[e]).fold(0.0, f64::max);
+                rho * variation.steps[e] > share * most * level
+            };
+            (0..geometry.elements().len()).filter(steep).collect()
+        }
+        Criterion::Discontinuities => crossed(geometry),
+        Criterion::Estimate if adaptive.goal == Goal::Points => {
+            let squares: Vec<f64> =
+                (0..geometry.elements().len()).map(|e| geometry.elements().area(e) * variation.squares[e]).collect();
+            let others = (estimate.total().powi(2) - estimate.elements.powi(2)) / adaptive.tolerance.powi(2);
+            let wanted = (1.0 - others).max(ELEMENTS) * (adaptive.tolerance * level).powi(2) * total;
+            let now = squares.iter().sum::<f64>();
+            if early && cut_patches { Vec::new() } else { bulk(&squares, ((now - wanted) / LOSS).min(MOST * now)) }
+        }
+        Criterion::Estimate => Vec::new(),
+    };
+
+    // Patches, or their elements if there is nothing to cut them along.
+    if cut_patches {
+        let errors = sender_errors(state, solved, variation);
+        let sum: f64 = errors.iter().sum();
+        let mut members = vec![Vec::new(); geometry.patches().len()];
+        geometry.parent().iter().enumerate().for_each(|(e, &p)| members[p as usize].push(e));
+        for p in bulk(&errors, BULK * sum) {
+            marks.patches[geometry.exposed_patches()[p] as usize] = true;
+            let element = |e: usize| &mesh.elements[geometry.exposed()[e] as usize];
+            if members[p].iter().all(|&e| element(e).same_leaf(element(members[p][0]))) {
+                cut.extend(&members[p]);
+            }
+        }
+    }
+    for e in cut {
+        let e = geometry.exposed()[e] as usize;
+        marks.elements[e] = mesh.elements[e].level < adaptive.most_level;
+    }
+    marks
+}
+
+/// The fewest that carry at least `share` of the sum of some squares, largest first.
+fn bulk(squares: &[f64], share: f64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..squares.len()).collect();
+    order.sort_by(|&a, &b| squares[b].total_cmp(&squares[a]).then(a.cmp(&b)));
+    let mut carried = 0.0;
+    order
+        .into_iter()
+        .take_while(|&k| {
+            let more = carried < share && squares[k] > 0.0;
+            carried += squares[k];
+            more
+        })
+        .collect()
+}
+
+/// E_p² of every patch.
+fn sender_errors(state: &State<'_>, solved: &Solution, variation: &Variation) -> Vec<f64> {
+    let (geometry, b) = (&state.geometry, &solved.radiosity);
+    let (elements, patches) = (geometry.elements(), geometry.patches());
+    let (means, rho, bands) = (patch_means(state, b), geometry.reflectance(), b.count());
+    // v_p² and the centres of the patches.
+    let mut v2 = vec![0.0; patches.len()];
+    let mut centres = vec![DVec3::ZERO; patches.len()];
+    for (e, &p) in geometry.parent().iter().enumerate() {
+        let (p, weight) = (p as usize, elements.area(e) / patches.area(p as usize));
+        for band in 0..bands {
+            let (apart, rho) = (b.band(band)[e] - means.band(band)[p], rho.band(band)[e]);
+            v2[p] += weight * (apart * apart + rho * rho * variation.squares[e]) / bands as f64;
+        }
+        centres[p] += elements.polygons(e)[0].centroid() * weight;
+    }
+    let m = elements.len();
+    let pieces: Vec<Vec<f64>> = (0..m.div_ceil(PIECE))
+        .into_par_iter()
+        .map(|piece| {
+            let mut sums = vec![0.0; patches.len()];
+            for e in piece * PIECE..m.min((piece + 1) * PIECE) {
+                let (centre, area) = (elements.polygons(e)[0].centroid(), elements.area(e));
+                for (p, &exchange) in state.store.entries(e).iter().enumerate().filter(|(_, f)| **f > 0.0) {
+                    let near = (patches.area(p) / centres[p].distance_squared(centre)).min(1.0);
+                    sums[p] += exchange * exchange / area * v2[p] * near;
+                }
+            }
+            sums
+        })
+        .collect();
+    let mut errors = vec![0.0; patches.len()];
+    pieces.iter().for_each(|sums| errors.iter_mut().zip(sums).for_each(|(error, sum)| *error += sum));
+    errors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fewest_that_carry_a_share_are_taken() {
+        assert_eq!(bulk(&[1.0, 5.0, 0.0, 3.0, 1.0], 8.5), [1, 3, 0]);
+        assert_eq!(bulk(&[1.0, 5.0, 0.0, 3.0], 100.0), [1, 3, 0]);
+        assert!(bulk(&[1.0, 2.0], 0.0).is_empty());
+    }
+}

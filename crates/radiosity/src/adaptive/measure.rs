@@ -1,0 +1,196 @@
+//! The error of a solution, from the solution.
+//!
+//! Relative to the mean level ⟨H⟩ over the area A of the scene, covered parts included as zeros:
+//!
+//! ```text
+//! elements²      Σ_e A_e ε_e² w_e / A           a constant where H varies (see `variation`); w = 1 at points, and over cells the
+//!                                                share (1 − A_c/A_e)₊ that an element larger than a cell of area A_c shows
+//! senders²       a² ⟨δ²⟩,  δ = H_fine − H_same   patches where radiosity varies
+//! form factors²  ⟨(H_same − H)² w'⟩              noise of rows, w' = min(A_e/A_c, 1) since those of the elements of a cell are independent
+//! solver         Σ A|B* − B| / Σ A E · Σ A E / (A ⟨H⟩)
+//! ```
+//!
+//! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
+//! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
+//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. The total adds
+//! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and shadows that no element has seen.
+
+use radiosity_core::{BandValues, Form, Solution, StoreError};
+use radiosity_form_factors::Receivers;
+use radiosity_geometry::Facets;
+use rayon::prelude::*;
+
+use super::variation::Variation;
+use super::{Goal, State};
+use crate::estimate::with_emitters;
+use crate::{Method, RunError};
+
+/// Probes, and rays of each.
+const PROBES: usize = 128;
+const RAYS: u32 = 2048;
+
+/// Parts of the estimated rms error of irradiance, relative to its mean level.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ErrorEstimate {
+    /// Constants on elements in place of what varies there.
+    pub elements: f64,
+    /// Constants on patches in place of what varies there.
+    pub senders: f64,
+    /// Noise of the rows; `None` for pairs, each of which has a bound of its own.
+    pub form_factors: Option<f64>,
+    /// What is left unshot, as far as it is bounded.
+    pub solver: Option<f64>,
+}
+
+impl ErrorEstimate {
+    /// √(elements² + senders² + form factors² + solver²).
+    pub fn total(&self) -> f64 {
+        let square = |part: Option<f64>| part.unwrap_or(0.0).powi(2);
+        (self.elements.powi(2) + self.senders.powi(2) + square(self.form_factors) + square(self.solver)).sqrt()
+    }
+}
+
+/// ⟨H⟩ over the area of the scene and the bands, and that area.
+pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
+    let areas = state.geometry.elements().areas();
+    let total: f64 = state.geometry.mesh().areas().iter().sum();
+    let sum: f64 = (0..h.count()).flat_map(|b| areas.iter().zip(h.band(b)).map(|(a, h)| a * h)).sum();
+    (sum / (h.count() as f64 * total), total)
+}
+
+/// Area of a report cell on the surface of every exposed element.
+fn cell_areas(state: &State<'_>, k: u32) -> Vec<f64> {
+    let geometry = &state.geometry;
+    let of_surface = |s: usize| {
+        geometry.scene().surfaces[s].area() / (geometry.mesh().pieces(s).len() as f64 * f64::from(k).powi(2))
+    };
+    geometry.surfaces().into_iter().map(|s| of_surface(s as usize)).collect()
+}
+
+/// Estimates the error of a solution.
+pub(super) fn measure(
+    state: &State<'_>,
+    solved: &Solution,
+    variation: &Variation,
+    goal: Goal,
+    seed: u64,
+) -> Result<ErrorEstimate, RunError> {
+    let areas = state.geometry.elements().areas();
+    let (level, total) = level(state, &solved.irradiance);
+    if level == 0.0 {
+        return Ok(ErrorEstimate { solver: Some(0.0), ..ErrorEstimate::default() });
+    }
+    let cells = match goal {
+        Goal::Cells(k) => Some(cell_areas(state, k)),
+        Goal::Points => None,
+    };
+    let shown = |e: usize| cells.as_ref().map_or(1.0, |cells| (1.0 - cells[e] * (1.0 + 1e-9) / areas[e]).max(0.0));
+    let averaged = |e: usize| cells.as_ref().map_or(1.0, |cells| (areas[e] / cells[e]).min(1.0));
+    let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| areas[e] * square * shown(e)).sum();
+
+    let emitted: f64 = power(&areas, &state.geometry.emission());
+    let reflected = power(&areas, &solved.radiosity) / emitted;
+    let probed = probe(state, solved, variation, seed, &averaged)?;
+    let noisy = !matches!(state.method, Method::Analytic { .. });
+    Ok(ErrorEstimate {
+        elements: (inside / total).sqrt() / level,
+        senders: reflected * probed.senders.sqrt() / level,
+        form_factors: noisy.then(|| probed.rows.sqrt() / level),
+        solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
+    })
+}
+
+/// Σ A x over all bands.
+fn power(areas: &[f64], x: &BandValues) -> f64 {
+    (0..x.count()).flat_map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x)).sum()
+}
+
+/// Mean squares over the probes and bands.
+struct Probed {
+    senders: f64,
+    rows: f64,
+}
+
+fn probe(
+    state: &State<'_>,
+    solved: &Solution,
+    variation: &Variation,
+    seed: u64,
+    averaged: &(dyn Fn(usize) -> f64 + Sync),
+) -> Result<Probed, RunError> {
+    let (geometry, b) = (&state.geometry, &solved.radiosity);
+    let probes = spread_over(&geometry.elements().areas());
+    let mut sources = Facets::new();
+    probes.iter().for_each(|&e| sources.push(geometry.elements().polygons(e).to_vec(), false));
+
+    // One level finer, with B linear inside the elements, less the means that their patches send.
+    let mesh = geometry.mesh();
+    let refined = mesh.refined(&vec![true; mesh.elements.len()]);
+    let fine = geometry.on(refined.mesh);
+    let mut place = vec![0; mesh.elements.len()];
+    geometry.exposed().iter().enumerate().for_each(|(k, &e)| place[e as usize] = k);
+    let of: Vec<usize> = fine.exposed().iter().map(|&e| place[refined.origins[e as usize].index()]).collect();
+    let (rho, means) = (geometry.reflectance(), patch_means(state, b));
+    let at = |band: usize, k: usize| {
+        let e = of[k];
+        let from = geometry.elements().polygons(e)[0].centroid();
+        let along = variation.gradient(band, e).dot(fine.elements().polygons(k)[0].centroid() - from);
+        (b.band(band)[e] + rho.band(band)[e] * along).max(0.0)
+    };
+    let m = of.len();
+    let values: Vec<[f64; 2]> = (0..b.count())
+        .flat_map(|band| (0..m).map(move |k| (band, k)))
+        .map(|(band, k)| [at(band, k), means.band(band)[geometry.parent()[of[k]] as usize]])
+        .collect();
+
+    let receivers = Receivers::facets(fine.elements());
+    let method = Method::RaysAndEmitters { rays: RAYS };
+    let targets = (&sources, fine.elements());
+    // Rays of their own: not those of the rows that are tested.
+    let rows = with_emitters(&fine, method, Form::Full, targets, receivers, || fine.element_occluders(), !seed)?;
+    let squares = |k: usize| -> Result<[f64; 2], StoreError> {
+        let (e, mut row) = (probes[k], vec![0.0; m]);
+        rows.row(k, &mut row)?;
+        let area = sources.area(k);
+        let mut sums = [0.0; 2];
+        for band in 0..b.count() {
+            let of_band = &values[band * m..][..m];
+            let [fine, same] =
+                [0, 1].map(|which| row.iter().zip(of_band).map(|(f, v)| f * v[which]).sum::<f64>() / area);
+            sums[0] += (fine - same).powi(2);
+            sums[1] += (same - solved.irradiance.band(band)[e]).powi(2) * averaged(e);
+        }
+        Ok(sums)
+    };
+    let done: Result<Vec<[f64; 2]>, StoreError> = (0..probes.len()).into_par_iter().map(squares).collect();
+    let done = done?;
+    let mean = |which: usize| done.iter().map(|s| s[which]).sum::<f64>() / (done.len() * b.count()) as f64;
+    Ok(Probed { senders: mean(0), rows: mean(1) })
+}
+
+/// Elements at equal steps of the area, each once.
+fn spread_over(areas: &[f64]) -> Vec<usize> {
+    let total: f64 = areas.iter().sum();
+    let (mut found, mut before) = (Vec::with_capacity(PROBES), 0.0);
+    for (e, area) in areas.iter().enumerate() {
+        let at = |area: f64| (area / total * PROBES as f64 - 0.5).ceil();
+        if at(before + area) > at(before) {
+            found.push(e);
+        }
+        before += area;
+    }
+    found
+}
+
+/// Area means of B over the patches.
+pub(super) fn patch_means(state: &State<'_>, b: &BandValues) -> BandValues {
+    let geometry = &state.geometry;
+    let (areas, patches) = (geometry.elements().areas(), geometry.patches().areas());
+    let mut means = BandValues::zeros(b.count(), patches.len());
+    for band in 0..b.count() {
+        let to = means.band_mut(band);
+        let own = geometry.parent().iter().zip(&areas).zip(b.band(band));
+        own.for_each(|((&p, area), b)| to[p as usize] += area * b / patches[p as usize]);
+    }
+    means
+}
