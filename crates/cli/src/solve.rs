@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use radiosity::{FittedRows, Geometry, GridValues, Method, Run, Shape, Strategy, ToleranceStep};
+use radiosity::{DirectLight, FittedRows, Geometry, GridValues, LINK_ERROR, Method, Run, Shape, Store, Strategy, ToleranceStep};
 use radiosity::{default_method, predict, run as run_strategy, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
@@ -12,13 +12,16 @@ use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
-use crate::args::{Estimator, MeshArgs, SolveArgs};
+use crate::args::{Estimator, MeshArgs, SolveArgs, StoreName};
 use crate::output::Names;
 use crate::saved::Saved;
 use crate::{Failure, Verdict, output, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
 const MOST_ELEMENTS: usize = 40_000;
+
+/// The solver that stands for the hierarchical store.
+const HIERARCHICAL: &str = "hierarchical";
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
@@ -126,7 +129,14 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
         // What is repaired is symmetric.
         "cg".clone_into(&mut strategy.solver);
     }
-    if let Some(solver) = &args.solver {
+    let by_links = args.solver.as_deref() == Some(HIERARCHICAL) || args.store == StoreName::Hierarchical;
+    if by_links {
+        let error = args.link_error.unwrap_or(LINK_ERROR);
+        strategy.store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
+        strategy.method = args.estimator.method(Method::OF_LINKS, 0);
+        "cg".clone_into(&mut strategy.solver);
+    }
+    if let Some(solver) = args.solver.as_ref().filter(|solver| *solver != HIERARCHICAL) {
         strategy.solver.clone_from(solver);
         if solver == "shooting" && strategy.shape == Shape::ElementsToPatches {
             strategy.shape = Shape::PatchesToElements;
@@ -281,6 +291,10 @@ fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value 
         "solve": { "seconds": s.time.as_secs_f64(), "counts": output::cost(&s.cost) },
         "verification": output::cost(&s.verification),
         "stored_bytes": run.stored_bytes,
+        "links": run.hierarchical.as_ref().map(|links| json!({
+            "nodes": links.nodes, "links": links.links, "rounds": links.rounds, "estimated_error": links.error,
+            "exact_emitters": links.exact_emitters,
+        })),
         "peak_bytes": output::peak_bytes(),
         "closed": run.checked.as_ref().map(|c| c.closed),
         "checks": run.checked.as_ref().map(|c| {

@@ -37,15 +37,12 @@ impl<'a> Geometry<'a> {
         for &e in &exposed {
             number[mesh.elements[e as usize].parent as usize] = 0;
         }
-        let mut patches = Facets::new();
-        for (p, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = patches.len() as u32;
-            patches.push(mesh.patch_facets.polygons(p).to_vec(), false);
+        let mut kept = Vec::new();
+        for (p, number) in (0_u32..).zip(&mut number).filter(|(_, number)| **number == 0) {
+            *number = kept.len() as u32;
+            kept.push(p);
         }
-        let mut elements = Facets::new();
-        for &e in &exposed {
-            elements.push(mesh.element_facets.polygons(e as usize).to_vec(), false);
-        }
+        let (patches, elements) = (mesh.patch_facets.select(&kept), mesh.element_facets.select(&exposed));
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
         let blockers = Occluders::blocking(scene);
         Ok(Self { scene, mesh, blockers, element_occluders: OnceLock::new(), exposed, elements, patches, parent })

@@ -15,6 +15,7 @@ use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
 
 use crate::estimate::{Filled, fill};
+use crate::hierarchical::{HierarchicalReport, solve_by_links};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
 /// Why a run could not be made.
@@ -63,6 +64,12 @@ pub enum RunError {
         /// Stores that will do.
         instead: &'static str,
     },
+    /// Links cannot stand for these form factors.
+    #[error("links join elements of the full form by the analytic method, without repair; {rows} form factors need another store")]
+    Links {
+        /// Name of the estimator.
+        rows: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -85,6 +92,8 @@ pub struct Run<'a> {
     pub checked: Option<Checked>,
     /// The repair, if one was asked for.
     pub repair: Option<Repair>,
+    /// What links came to, if the store held links.
+    pub hierarchical: Option<HierarchicalReport>,
     /// The solution on the exposed elements.
     pub solution: Solution,
 }
@@ -138,6 +147,11 @@ impl Strategy {
         if !needs.forms.contains(&form) {
             return Err(SolveError::NeedsForm { solver: name, form, works_on: needs.forms }.into());
         }
+        if let Store::Hierarchical { .. } = self.store
+            && !(rows == Method::ANALYTIC.name() && self.shape == Shape::Full && !self.repair)
+        {
+            return Err(RunError::Links { rows });
+        }
         if self.repair {
             let instead = match (symmetric, self.store) {
                 _ if self.shape != Shape::Full => return Err(RunError::RepairForm { form: self.shape.name() }),
@@ -172,6 +186,9 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let made = match strategy.shape {
+        _ if let Store::Hierarchical { error, direct } = strategy.store => {
+            solve_by_links(&geometry, strategy, (error, direct), observer)
+        }
         Shape::TwoLevel => two_level(&geometry, strategy, observer),
         shape => {
             let rows = crate::rows(&geometry, strategy.method, shape.form(), strategy.seed)?;
@@ -205,22 +222,28 @@ pub fn run_saved<'a>(
 }
 
 /// What solving gives beside the geometry.
-struct Made {
+pub(crate) struct Made {
     form_factors: Phase,
     stored_bytes: u64,
     checked: Option<Checked>,
     repair: Option<Repair>,
+    hierarchical: Option<HierarchicalReport>,
     solution: Solution,
 }
 
 impl Made {
+    /// What links give: their entries are no estimates that checks of rows could judge.
+    pub(crate) fn of_links(form_factors: Phase, stored_bytes: u64, links: HierarchicalReport, solution: Solution) -> Self {
+        Self { form_factors, stored_bytes, checked: None, repair: None, hierarchical: Some(links), solution }
+    }
+
     fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, solution } = self;
-        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, solution }
+        let Self { form_factors, stored_bytes, checked, repair, hierarchical, solution } = self;
+        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, hierarchical, solution }
     }
 }
 
-fn stop_rule(strategy: &Strategy) -> StopRule {
+pub(crate) fn stop_rule(strategy: &Strategy) -> StopRule {
     let rule = StopRule::unshot(strategy.unshot).steps(strategy.steps);
     if strategy.verify { rule } else { rule.unverified() }
 }
@@ -270,7 +293,7 @@ fn direct_form<'r>(
     } else {
         None
     };
-    Ok(Made { form_factors, stored_bytes, checked, repair, solution })
+    Ok(Made { form_factors, stored_bytes, checked, repair, hierarchical: None, solution })
 }
 
 /// Checks a store between the elements or patches that `form` says.
@@ -318,7 +341,7 @@ pub fn solve_on(
     Ok(solve(&system, &mut *named(solver)?, stop, observer)?)
 }
 
-fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
+pub(crate) fn named(solver: &str) -> Result<Box<dyn radiosity_core::Solver>, RunError> {
     radiosity_solvers::by_name(solver)
         .ok_or_else(|| RunError::Solver { name: solver.to_owned(), known: radiosity_solvers::NAMES.join(", ") })
 }
@@ -361,7 +384,7 @@ fn two_level(geometry: &Geometry<'_>, strategy: &Strategy, observer: &mut dyn Ob
     let closed = geometry.scene().closed();
     let checked =
         if strategy.verify { Some(checked(geometry, &store, Form::ElementsToPatches, closed)?) } else { None };
-    Ok(Made { form_factors, stored_bytes, checked, repair: None, solution })
+    Ok(Made { form_factors, stored_bytes, checked, repair: None, hierarchical: None, solution })
 }
 
 /// The value of its patch for every element.

@@ -167,6 +167,10 @@ impl Mesh {
         mesh.face_begins.push(mesh.pieces.len());
         mesh.cell_begins.push(mesh.element_begins.len());
         mesh.element_begins.push(mesh.elements.len());
+        if settings.patches.is_none() {
+            // Every element is a patch of its own, on the same polygons.
+            mesh.patch_facets = mesh.element_facets.clone();
+        }
         Ok(mesh)
     }
 
@@ -222,9 +226,6 @@ impl Mesh {
                     let own = self.elements.len() as u32;
                     let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
                     self.elements.push(Element { surface: piece.surface, i: piece.offset() + i, j, parent, covered });
-                    if !has_patches {
-                        self.patch_facets.push(vec![part.clone()], covered);
-                    }
                     self.element_facets.push(vec![part], covered);
                 }
             }
