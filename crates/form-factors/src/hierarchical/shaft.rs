@@ -128,9 +128,14 @@ impl Screen {
             return Between::Nothing;
         }
         // Behind a node, or not between the two along their line.
-        for (node, normal) in [p, q].into_iter().zip(normals) {
-            if normal.is_some_and(|n| self.corners.iter().all(|v| (*v - node.centre).dot(n) <= FLAT)) {
-                return Between::Nothing;
+        let through = [self.passes(p, h_p, e_p, normals[0]), self.passes(q, h_q, e_q, normals[1])];
+        for (k, node) in [p, q].into_iter().enumerate() {
+            let Some(n) = normals[k] else { continue };
+            let heights = || self.corners.iter().map(|v| (*v - node.centre).dot(n));
+            if heights().all(|h| h <= FLAT) {
+                // The surface of one node may be what parts the other.
+                let parts = through[1 - k] && heights().all(|h| h >= -FLAT);
+                return if parts { Between::Some { through } } else { Between::Nothing };
             }
         }
         let (a_p, a_q, length) = (p.reach(along), q.reach(along), along.length_squared());
@@ -164,7 +169,7 @@ impl Screen {
         if inside && apart {
             return Between::All;
         }
-        Between::Some { through: [self.passes(p, h_p, e_p, normals[0]), self.passes(q, h_q, e_q, normals[1])] }
+        Between::Some { through }
     }
 
     /// Whether the polygon passes through a node of one plane, as far as spheres tell.
