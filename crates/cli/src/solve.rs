@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use radiosity::{DirectLight, FittedRows, Geometry, GridValues, LINK_ERROR, Method, Run, Shape, Store, Strategy, ToleranceStep};
+use radiosity::{
+    DirectLight, FittedRows, Geometry, GridValues, LINK_ERROR, Method, Run, Shape, Store, Strategy, ToleranceStep,
+};
 use radiosity::{default_method, predict, run as run_strategy, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;

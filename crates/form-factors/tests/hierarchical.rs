@@ -32,7 +32,8 @@ impl Case {
     fn new(scene: &Scene, divisions: u32) -> Self {
         let settings = MeshSettings { elements: Subdivision::Uniform(divisions), patches: None, contacts: true };
         let mesh = Mesh::new(scene, &Occluders::of_scene(scene), &settings).unwrap();
-        let exposed: Vec<u32> = (0..mesh.elements.len() as u32).filter(|&e| !mesh.elements[e as usize].covered).collect();
+        let exposed: Vec<u32> =
+            (0..mesh.elements.len() as u32).filter(|&e| !mesh.elements[e as usize].covered).collect();
         let elements = mesh.element_facets.select(&exposed);
         let hierarchy = Arc::new(Hierarchy::new(&mesh, &exposed, &elements));
         Self { mesh, exposed, elements, blockers: Occluders::blocking(scene), hierarchy }
@@ -81,8 +82,8 @@ fn links_of_no_error_are_the_matrix_of_pairs() {
     }
 }
 
-/// In a closed room every row sums to 1. The estimate takes links to err independently, and counts what varies over a receiver, which
-/// sums of rows over nodes do not show: half of them would be too small and a tenth too large.
+/// In a closed room every row sums to 1. The estimate adds what links may miss by size, while slopes of one receiver partly cancel: it
+/// must be above, and is known to be more than it needs.
 #[test]
 fn rows_of_a_closed_room_sum_to_one_within_the_estimate() {
     for scene in [unit_cube(grey()), box_in_cube(0.4, grey(), grey())] {
@@ -92,7 +93,7 @@ fn rows_of_a_closed_room_sum_to_one_within_the_estimate() {
             let store = HierarchicalFormFactors::new(Arc::clone(&case.hierarchy), &links);
             let closure = case.closure(&store);
             assert!(closure <= estimate, "{threshold:e}: rows are off by {closure:e}, estimated {estimate:e}");
-            assert!(estimate < 0.5, "{threshold:e}: {estimate:e}");
+            assert!(estimate < 40.0 * closure, "{threshold:e}: rows are off by {closure:e}, estimated {estimate:e}");
         }
     }
 }

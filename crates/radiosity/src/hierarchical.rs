@@ -182,7 +182,12 @@ fn fall(excess: f64) -> f64 {
 }
 
 /// What makes the links of a geometry, with exact pairs by the estimator that `method` asks for.
-fn linking<'g>(geometry: &'g Geometry<'_>, hierarchy: &'g Hierarchy, method: Method, seed: u64) -> Linking<'g, Analytic<'g>> {
+fn linking<'g>(
+    geometry: &'g Geometry<'_>,
+    hierarchy: &'g Hierarchy,
+    method: Method,
+    seed: u64,
+) -> Linking<'g, Analytic<'g>> {
     let tolerance = match method {
         Method::Analytic { tolerance, .. } => tolerance,
         _ => TOLERANCE,
@@ -205,13 +210,12 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     let (elements, scene) = (geometry.elements(), geometry.scene());
     let (emitters, surfaces) = geometry.emitters();
     let bands = scene.bands();
-    let emission: Vec<&[f64]> = surfaces
-        .iter()
-        .map(|&s| &scene.materials[scene.surfaces[s as usize].material].emission[..])
-        .collect();
+    let emission: Vec<&[f64]> =
+        surfaces.iter().map(|&s| &scene.materials[scene.surfaces[s as usize].material].emission[..]).collect();
     // An error of F_eL is one of E F in irradiance, whose mean is about the power over the area.
     let brightest = emission.iter().flat_map(|e| e.iter().copied()).fold(0.0, f64::max);
-    let power: f64 = emission.iter().enumerate().map(|(k, e)| emitters.area(k) * e.iter().copied().fold(0.0, f64::max)).sum();
+    let power: f64 =
+        emission.iter().enumerate().map(|(k, e)| emitters.area(k) * e.iter().copied().fold(0.0, f64::max)).sum();
     let share = power / (brightest * scene.area());
     let tolerance = (DIRECT * error * share).max(f64::MIN_POSITIVE);
     let blockers = geometry.blockers();

@@ -65,7 +65,9 @@ pub enum RunError {
         instead: &'static str,
     },
     /// Links cannot stand for these form factors.
-    #[error("links join elements of the full form by the analytic method, without repair; {rows} form factors need another store")]
+    #[error(
+        "links join elements of the full form by the analytic method, without repair; {rows} form factors need another store"
+    )]
     Links {
         /// Name of the estimator.
         rows: &'static str,
@@ -233,7 +235,12 @@ pub(crate) struct Made {
 
 impl Made {
     /// What links give: their entries are no estimates that checks of rows could judge.
-    pub(crate) fn of_links(form_factors: Phase, stored_bytes: u64, links: HierarchicalReport, solution: Solution) -> Self {
+    pub(crate) fn of_links(
+        form_factors: Phase,
+        stored_bytes: u64,
+        links: HierarchicalReport,
+        solution: Solution,
+    ) -> Self {
         Self { form_factors, stored_bytes, checked: None, repair: None, hierarchical: Some(links), solution }
     }
 

@@ -139,6 +139,7 @@ fn links_refuse_what_they_cannot_hold() {
     let strategy = Strategy { store: Store::HIERARCHICAL, ..Strategy::new(Subdivision::Uniform(2), Method::RAY_CAST) };
     let refused = run(&scene, &strategy, &mut ()).map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("links") && refused.contains("ray-cast"), "{refused}");
-    let strategy = Strategy { store: links(2.0, DirectLight::ByLinks), ..Strategy::new(Subdivision::Uniform(2), METHOD) };
+    let strategy =
+        Strategy { store: links(2.0, DirectLight::ByLinks), ..Strategy::new(Subdivision::Uniform(2), METHOD) };
     assert!(run(&scene, &strategy, &mut ()).is_err());
 }

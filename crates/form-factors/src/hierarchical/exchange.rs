@@ -37,7 +37,6 @@ impl Points {
         let (n, (u, v)) = (hierarchy.normals[node.plane as usize], axes(node));
         Self::new([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(s, t)| (node.centre + u * s + v * t, n)))
     }
-
 }
 
 fn axes(node: &Node) -> (Vec3, Vec3) {

@@ -32,7 +32,7 @@ use rayon::prelude::*;
 
 use super::exchange::{Points, kernel, kernel_between, statistics};
 use super::shaft::{Between, FLAT, Screens};
-use super::tree::{Hierarchy, Node};
+use super::tree::{Hierarchy, NONE, Node};
 use crate::Pairwise;
 use crate::rows::mix;
 
@@ -44,8 +44,6 @@ const RULE: f32 = 0.3;
 const HORIZON: f32 = 0.1;
 /// Share of a pair's segments that may differ though none of 16 did.
 const LEAST: f32 = 1.0 / 18.0;
-/// By how much slopes that tend the same way err more than independent ones: up to 2 times was seen in rooms.
-const ALIKE: f64 = 3.0;
 /// Pairs that are handed to threads; fixed, so that the work is cut alike at any number of them.
 const TASKS: usize = 2048;
 
@@ -136,19 +134,36 @@ impl Links {
     /// Estimated rms error of the irradiance of elements with this brightness, relative to its mean.
     ///
     /// ```text
-    /// √( Σ_e A_e (Σ_{p ∋ e} Σ_{links of p} ε_p²/A_p) / Σ A )
+    /// √( Σ_links (ε_p² + ε_q²) / Σ A )       where receivers get what is linear over them ([`Brightness::linear`])
+    /// √( Σ_e A_e (Σ_{p ∋ e} Σ_{links of p} ε_p/√A_p)² / Σ A )      where they hold one value
     /// ```
     ///
-    /// as if links erred independently of each other: what is left beyond a linear function, and what visibility was sampled, nearly do.
-    /// Without [`Brightness::linear`] the slopes of all links of a receiver tend the same way, and the sum counts three times.
+    /// What is left beyond a linear function, and what sampled visibility adds, hardly depend on each other; slopes of all links of a receiver
+    /// may tend the same way, so that they are added by size.
     pub fn error(&self, hierarchy: &Hierarchy, brightness: &Brightness) -> f64 {
-        let mut sum = 0.0;
-        for link in &self.links {
-            let [p, q] = Contributions::of(hierarchy, brightness, link.p, link.q).errors(link.varies, link.wrong);
-            sum += f64::from(p + q);
+        let total = f64::from(hierarchy.nodes[0].area);
+        let pairs = self.links.iter().map(|link| (link, Contributions::of(hierarchy, brightness, link.p, link.q)));
+        if brightness.linear {
+            let sum: f64 =
+                pairs.map(|(link, pair)| pair.errors(link.varies, link.wrong)).map(|[p, q]| f64::from(p + q)).sum();
+            return (sum / total).sqrt();
         }
-        let alike = if brightness.linear { 1.0 } else { ALIKE };
-        alike * (sum / f64::from(hierarchy.nodes[0].area)).sqrt()
+        let mut off = vec![0.0_f64; hierarchy.len()];
+        for (link, pair) in pairs {
+            for (k, node) in [link.p, link.q].into_iter().enumerate() {
+                off[node as usize] += f64::from(pair.missed(k, link.varies, link.wrong));
+            }
+        }
+        let mut sum = 0.0;
+        for (k, node) in hierarchy.nodes.iter().enumerate() {
+            if hierarchy.parents[k] != NONE {
+                off[k] += off[hierarchy.parents[k] as usize];
+            }
+            if node.is_leaf() {
+                sum += f64::from(node.area) * off[k].powi(2);
+            }
+        }
+        (sum / total).sqrt()
     }
 }
 
@@ -191,6 +206,14 @@ impl Contributions {
             deviation: [brightness.deviation[a], brightness.deviation[b]],
             left: [left(p), left(q)],
         }
+    }
+
+    /// ε_p/√A_p of the first node, or of the second: what its elements miss, in irradiance.
+    fn missed(&self, k: usize, varies: [f32; 2], wrong: f32) -> f32 {
+        let (own, other, bright) = (self.area[k], self.area[1 - k], self.mean[1 - k]);
+        let (missed, off) = (self.left[k] * bright * varies[k], bright * other * wrong);
+        let uneven = self.deviation[1 - k] * varies[1 - k] * (other / own);
+        (missed * missed + off * off + uneven * uneven).sqrt()
     }
 
     /// ε_p² + ε_q², shared out by which node must be split to take it away.
@@ -322,7 +345,9 @@ struct Search<'a, P> {
 impl<'a, P: Pairwise> Search<'a, P> {
     fn child_pairs(&self, p: u32, q: u32, side: usize) -> impl Iterator<Item = [u32; 2]> + use<'a, P> {
         let hierarchy = self.linking.hierarchy;
-        hierarchy.children(if side == 0 { p } else { q }).map(move |child| if side == 0 { [child, q] } else { [p, child] })
+        hierarchy
+            .children(if side == 0 { p } else { q })
+            .map(move |child| if side == 0 { [child, q] } else { [p, child] })
     }
 
     /// Links of a pair and all below it; the blockers are a range of the stack.
@@ -507,12 +532,12 @@ impl<'a, P: Pairwise> Search<'a, P> {
         for (quarter, points) in (0_u8..).zip(&mut points) {
             for (part, point) in (0_u8..).zip(points) {
                 bits = mix(bits);
-                let unit = |bits: u64| (bits & 0xff_ffff) as f32 / (1 << 24) as f32;
+                // The middle of one of 4096 cells: never so near the border that rounding puts it beyond.
+                let unit = |bits: u64| ((bits & 0xfff) as f32 + 0.5) / 4096.0;
                 let (s, t) = (unit(bits), unit(bits >> 32));
                 *point = if node.is_parallelogram() {
-                    let place = |s: f32, bit: u8| {
-                        f32::from(quarter >> bit & 1) - 1.0 + 0.5 * (f32::from(part >> bit & 1) + s)
-                    };
+                    let place =
+                        |s: f32, bit: u8| f32::from(quarter >> bit & 1) - 1.0 + 0.5 * (f32::from(part >> bit & 1) + s);
                     let x = node.centre + node.u * place(s, 0) + node.v * place(t, 1);
                     (x, hierarchy.normals[node.plane as usize])
                 } else {

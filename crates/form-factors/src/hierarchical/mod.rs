@@ -24,7 +24,7 @@ mod tree;
 
 use std::sync::Arc;
 
-use radiosity_core::{Bands, BandsMut, BandValues, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError};
+use radiosity_core::{BandValues, Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError};
 use rayon::prelude::*;
 
 pub use links::{Brightness, Linking, Links};
@@ -164,7 +164,11 @@ impl HierarchicalFormFactors {
             }
             if node.is_leaf() {
                 for b in 0..bands {
-                    h[own + b][0] += self.ends_of(k).iter().map(|&(q, kernel)| f64::from(kernel) * sums[q as usize * bands + b]).sum::<f64>();
+                    h[own + b][0] += self
+                        .ends_of(k)
+                        .iter()
+                        .map(|&(q, kernel)| f64::from(kernel) * sums[q as usize * bands + b])
+                        .sum::<f64>();
                     leaves.push(h[own + b][0]);
                 }
                 continue;

@@ -184,11 +184,12 @@ impl Screen {
         near && lowest <= FLAT
     }
 
-    /// Whether the open segment x y properly crosses the polygon; what passes an edge within rounding is held to meet it.
+    /// Whether the open segment x y properly crosses the polygon; what passes an edge within rounding is held to meet it. Nodes in the
+    /// polygon's plane have been sorted out before, so that no distance from the plane is too small to count.
     fn crosses(&self, x: DVec3, y: DVec3) -> bool {
         let height = |v: DVec3| (v - self.point).dot(self.exact_normal);
         let (d_x, d_y) = (height(x), height(y));
-        if d_x * d_y >= 0.0 || d_x.abs().min(d_y.abs()) <= f64::from(FLAT) {
+        if d_x * d_y >= 0.0 {
             return false;
         }
         let meet = x + (y - x) * (d_x / (d_x - d_y));

@@ -225,10 +225,8 @@ impl Hierarchy {
                 _ => runs.push((piece, e..e + 1)),
             }
         }
-        let trees: Vec<Tree> = runs
-            .into_par_iter()
-            .map(|(piece, run)| Builder::tree(elements, &places, &frame, piece, run))
-            .collect();
+        let trees: Vec<Tree> =
+            runs.into_par_iter().map(|(piece, run)| Builder::tree(elements, &places, &frame, piece, run)).collect();
         Self::join(trees, elements, frame)
     }
 
@@ -260,9 +258,8 @@ impl Hierarchy {
     /// Children of a node.
     pub(super) fn children(&self, k: u32) -> impl Iterator<Item = u32> + '_ {
         let node = &self.nodes[k as usize];
-        (0..u32::from(node.count)).map(move |i| {
-            if node.is_cluster() { self.pairs[node.first as usize][i as usize] } else { node.first + i }
-        })
+        (0..u32::from(node.count))
+            .map(move |i| if node.is_cluster() { self.pairs[node.first as usize][i as usize] } else { node.first + i })
     }
 
     /// Elements under a node.
@@ -340,8 +337,7 @@ impl Hierarchy {
         let square = frame.scale * frame.scale;
         let weights = (0..order.len()).map(|e| to_26_bits(facets.area(e) * square)).collect();
         let spread = Vec::new();
-        let mut all =
-            Self { nodes, parents, elements, leaves, order, weights, normals, pairs, pieces, spread, frame };
+        let mut all = Self { nodes, parents, elements, leaves, order, weights, normals, pairs, pieces, spread, frame };
         all.finish_clusters(inner);
         all
     }
@@ -399,7 +395,8 @@ impl Clusters {
             self.order.push((*piece, parent));
             return self.inner + *piece;
         }
-        let (lo, hi) = roots.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), r| (lo.min(r.1), hi.max(r.1)));
+        let (lo, hi) =
+            roots.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), r| (lo.min(r.1), hi.max(r.1)));
         let size = hi - lo;
         let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]).then(b.cmp(&a))).unwrap_or(0);
         roots.sort_by(|a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
@@ -431,10 +428,7 @@ impl<'a> Builder<'a> {
         let normal = facets.polygons(run.start as usize)[0].normal();
         let (n, corners) = (piece.divisions(), piece.corners());
         let last = corners[corners.len() - 1];
-        let cell = [
-            corners[0].distance(corners[1]) / f64::from(n.0),
-            corners[0].distance(last) / f64::from(n.1),
-        ];
+        let cell = [corners[0].distance(corners[1]) / f64::from(n.0), corners[0].distance(last) / f64::from(n.1)];
         let tree = Tree { nodes: Vec::new(), parents: Vec::new(), order: run.collect(), normal };
         let grid = is_parallelogram(corners).then(|| area_vector(corners).length() / piece.len() as f64);
         let mut builder = Self { facets, places, frame, plane: Plane::of(piece, normal), cell, grid, tree };
