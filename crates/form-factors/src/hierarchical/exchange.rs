@@ -51,12 +51,12 @@ pub(super) type Kernel = [[f32; 4]; 4];
 pub(super) fn kernel(p: &Points, q: &Points) -> Kernel {
     let mut k = [[0.0; 4]; 4];
     for (a, row) in k.iter_mut().enumerate() {
-        for b in 0..4 {
+        for (b, k) in row.iter_mut().enumerate() {
             let d = [q.x[0][b] - p.x[0][a], q.x[1][b] - p.x[1][a], q.x[2][b] - p.x[2][a]];
             let r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
             let out = (p.n[0][a] * d[0] + p.n[1][a] * d[1] + p.n[2][a] * d[2]).max(0.0);
             let back = (-(q.n[0][b] * d[0] + q.n[1][b] * d[1] + q.n[2][b] * d[2])).max(0.0);
-            row[b] = out * back / (std::f32::consts::PI * r2 * r2).max(f32::MIN_POSITIVE);
+            *k = out * back / (std::f32::consts::PI * r2 * r2).max(f32::MIN_POSITIVE);
         }
     }
     k
@@ -93,10 +93,10 @@ pub(super) struct Statistics {
 
 pub(super) fn statistics(k: &Kernel) -> Statistics {
     let (mut rows, mut columns) = ([0.0; 4], [0.0; 4]);
-    for a in 0..4 {
-        for b in 0..4 {
-            rows[a] += 0.25 * k[a][b];
-            columns[b] += 0.25 * k[a][b];
+    for (row, k) in rows.iter_mut().zip(k) {
+        for (column, k) in columns.iter_mut().zip(k) {
+            *row += 0.25 * k;
+            *column += 0.25 * k;
         }
     }
     let mean = 0.25 * (rows[0] + rows[1] + rows[2] + rows[3]);

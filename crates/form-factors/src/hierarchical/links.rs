@@ -504,15 +504,12 @@ impl<'a, P: Pairwise> Search<'a, P> {
         // Every quarter of a node meets every quarter of the other once, each time in another sixteenth of its area.
         let points = [self.scattered(p, seed), self.scattered(q, mix(seed))];
         let (mut all, mut seen) = ([[0.0; 4]; 4], [[0.0; 4]; 4]);
-        for a in 0..4 {
-            for b in 0..4 {
-                let (x, y) = (points[0][a][b], points[1][b][a]);
-                let k = kernel_between(x, y);
-                all[a][b] = k;
-                if k > 0.0 {
-                    cost.rays += 1;
-                    seen[a][b] = if screens.blocked(blockers, x.0, y.0) { 0.0 } else { k };
-                }
+        for (a, b) in (0..16).map(|k| (k / 4, k % 4)) {
+            let (x, y) = (points[0][a][b], points[1][b][a]);
+            all[a][b] = kernel_between(x, y);
+            if all[a][b] > 0.0 {
+                cost.rays += 1;
+                seen[a][b] = if screens.blocked(blockers, x.0, y.0) { 0.0 } else { all[a][b] };
             }
         }
         let (all, seen) = (statistics(&all), statistics(&seen));

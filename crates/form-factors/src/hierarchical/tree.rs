@@ -213,7 +213,8 @@ impl Hierarchy {
         assert_eq!(exposed.len(), elements.len(), "{} indices of {} elements", exposed.len(), elements.len());
         let frame = Frame::of(elements);
         // Runs of elements of one piece, each with its place in the grid.
-        let (mut runs, mut places): (Vec<(&Piece, Range<u32>)>, Vec<[u32; 2]>) = (Vec::new(), Vec::new());
+        let mut runs: Vec<(&Piece, Range<u32>)> = Vec::new();
+        let mut places: Vec<[u32; 2]> = Vec::new();
         for (e, &k) in (0_u32..).zip(exposed) {
             let element = &mesh.elements[k as usize];
             let pieces = mesh.pieces(element.surface as usize);
