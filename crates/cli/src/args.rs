@@ -180,6 +180,8 @@ pub enum StoreName {
     OnDemand,
     /// Rows computed when they are first asked for, and kept.
     OnDemandKept,
+    /// Links between groups of elements of any size, refined with the solution; of the analytic method.
+    Hierarchical,
 }
 
 impl From<StoreName> for Store {
@@ -191,6 +193,7 @@ impl From<StoreName> for Store {
             StoreName::PackedF32 => Self::PackedSingle,
             StoreName::OnDemand => Self::KeepNone,
             StoreName::OnDemandKept => Self::KeepAll,
+            StoreName::Hierarchical => Self::HIERARCHICAL,
         }
     }
 }
@@ -284,7 +287,8 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
-    /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting or stochastic.
+    /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting, stochastic, or
+    /// hierarchical, which is cg on the hierarchical store.
     #[arg(long, value_name = "NAME")]
     pub solver: Option<String>,
     /// Unshot share of the emitted power at which the solver stops; of the stochastic one the estimated error as a share of it. 1e-9, and
@@ -297,6 +301,9 @@ pub struct SolveArgs {
     /// What is kept of the form factors; packed stores need the analytic method or symmetric saved form factors.
     #[arg(long, value_name = "NAME", value_enum, default_value = "dense")]
     pub store: StoreName,
+    /// Estimated rms error of irradiance that the links of the hierarchical store may cause, as a share of its mean.
+    #[arg(long, value_name = "T", value_parser = open_unit)]
+    pub link_error: Option<f64>,
     /// Close the row sums of a closed scene by symmetric scaling; rows of rays or hemicubes are made symmetric first.
     #[arg(long)]
     pub repair: bool,

@@ -41,6 +41,8 @@ fn strategies(subdivide: u32, unshot: f64, seed: u64, blocking: usize) -> Vec<St
                 let sensible = match store {
                     Store::Dense => true,
                     Store::KeepNone => solver == "shooting" || (solver == STOCHASTIC && method.name() == "ray-cast"),
+                    // In neither list: its answer is that of the error asked for.
+                    Store::Hierarchical { .. } => false,
                     Store::Sparse | Store::Packed | Store::PackedSingle | Store::KeepAll => {
                         pairwise && solver != "direct" && solver != STOCHASTIC
                     }

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use radiosity::{
-    Adaptive, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, Method, Round, Run, RunError, Saving,
+    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method, Round, Run,
+    RunError, Saving,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{default_method, predict, run as run_strategy, run_adaptive, run_saved, run_to_tolerance};
@@ -16,7 +17,7 @@ use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
-use crate::args::{Estimator, MeshArgs, SolveArgs};
+use crate::args::{Estimator, MeshArgs, SolveArgs, StoreName};
 use crate::output::Names;
 use crate::saved::Saved;
 use crate::{Failure, Verdict, output, saved, scene};
@@ -26,6 +27,8 @@ const MOST_ELEMENTS: usize = 40_000;
 
 /// Cells of the report grid that a tolerance is of, if none is asked for.
 const REPORT_GRID: u32 = 8;
+/// The solver that stands for the hierarchical store.
+const HIERARCHICAL: &str = "hierarchical";
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
@@ -213,7 +216,14 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
         // What is repaired is symmetric.
         "cg".clone_into(&mut strategy.solver);
     }
-    if let Some(solver) = &args.solver {
+    let by_links = args.solver.as_deref() == Some(HIERARCHICAL) || args.store == StoreName::Hierarchical;
+    if by_links {
+        let error = args.link_error.unwrap_or(LINK_ERROR);
+        strategy.store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
+        strategy.method = args.estimator.method(Method::OF_LINKS, 0);
+        "cg".clone_into(&mut strategy.solver);
+    }
+    if let Some(solver) = args.solver.as_ref().filter(|solver| *solver != HIERARCHICAL) {
         strategy.solver.clone_from(solver);
         if matches!(solver.as_str(), "shooting" | "stochastic") && strategy.shape == Shape::ElementsToPatches {
             strategy.shape = Shape::PatchesToElements;
@@ -385,6 +395,10 @@ fn report(strategy: &Strategy, file: Option<&FromFile>, run: &Run<'_>) -> Value 
         "solve": { "seconds": s.time.as_secs_f64(), "counts": output::cost(&s.cost) },
         "verification": output::cost(&s.verification),
         "stored_bytes": run.stored_bytes,
+        "links": run.hierarchical.as_ref().map(|links| json!({
+            "nodes": links.nodes, "links": links.links, "rounds": links.rounds, "estimated_error": links.error,
+            "exact_emitters": links.exact_emitters,
+        })),
         "peak_bytes": output::peak_bytes(),
         "closed": run.checked.as_ref().map(|c| c.closed),
         "checks": run.checked.as_ref().map(|c| {

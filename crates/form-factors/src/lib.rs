@@ -8,6 +8,7 @@ pub mod analytic;
 pub mod checks;
 pub mod emitters;
 pub mod hemicube;
+pub mod hierarchical;
 #[doc(hidden)]
 pub mod level;
 pub mod point;

@@ -1,15 +1,24 @@
 //! Groups of convex polygons: what sends and receives.
 
+use std::sync::Arc;
+
 use crate::{Polygon, Scene};
 
 /// Groups of convex polygons, each group one sender and receiver.
 ///
-/// An element is a group of one polygon; a patch, or a whole surface of several pieces, is a group of one or more.
+/// An element is a group of one polygon; a patch, or a whole surface of several pieces, is a group of one or more. Clones and
+/// selections share the polygons, which are most of the memory of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facets {
-    polygons: Vec<Polygon>,
-    /// One past the last polygon of every group.
-    ends: Vec<usize>,
+    polygons: Arc<Vec<Polygon>>,
+    groups: Arc<Groups>,
+}
+
+/// Which polygons a group has, and what holds for it.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Groups {
+    /// First polygon and one past the last of every group.
+    ranges: Vec<[u32; 2]>,
     areas: Vec<f64>,
     covered: Vec<bool>,
 }
@@ -28,21 +37,46 @@ impl Facets {
     }
 
     /// Adds a group; a covered one lies inside a solid.
+    ///
+    /// # Panics
+    ///
+    /// If there are 2³² polygons or more.
     pub fn push(&mut self, polygons: Vec<Polygon>, covered: bool) {
-        self.areas.push(polygons.iter().map(Polygon::area).sum());
-        self.polygons.extend(polygons);
-        self.ends.push(self.polygons.len());
-        self.covered.push(covered);
+        let (all, groups) = (Arc::make_mut(&mut self.polygons), Arc::make_mut(&mut self.groups));
+        let index = |k: usize| u32::try_from(k).expect("polygons are numbered in 32 bits");
+        let begin = index(all.len());
+        groups.areas.push(polygons.iter().map(Polygon::area).sum());
+        all.extend(polygons);
+        groups.ranges.push([begin, index(all.len())]);
+        groups.covered.push(covered);
+    }
+
+    /// The groups named, in that order, on the same polygons.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such group.
+    pub fn select(&self, groups: &[u32]) -> Self {
+        if groups.iter().copied().eq(0..self.len() as u32) {
+            return self.clone();
+        }
+        let of = &self.groups;
+        let selected = Groups {
+            ranges: groups.iter().map(|&k| of.ranges[k as usize]).collect(),
+            areas: groups.iter().map(|&k| of.areas[k as usize]).collect(),
+            covered: groups.iter().map(|&k| of.covered[k as usize]).collect(),
+        };
+        Self { polygons: Arc::clone(&self.polygons), groups: Arc::new(selected) }
     }
 
     /// Number of groups.
     pub fn len(&self) -> usize {
-        self.ends.len()
+        self.groups.ranges.len()
     }
 
     /// Whether there is no group.
     pub fn is_empty(&self) -> bool {
-        self.ends.is_empty()
+        self.groups.ranges.is_empty()
     }
 
     /// Polygons of group k.
@@ -51,8 +85,8 @@ impl Facets {
     ///
     /// If there is no group k.
     pub fn polygons(&self, k: usize) -> &[Polygon] {
-        let begin = if k == 0 { 0 } else { self.ends[k - 1] };
-        &self.polygons[begin..self.ends[k]]
+        let [begin, end] = self.groups.ranges[k];
+        &self.polygons[begin as usize..end as usize]
     }
 
     /// Area of group k: the sum over its polygons.
@@ -61,12 +95,12 @@ impl Facets {
     ///
     /// If there is no group k.
     pub fn area(&self, k: usize) -> f64 {
-        self.areas[k]
+        self.groups.areas[k]
     }
 
     /// Areas of all groups.
     pub fn areas(&self) -> Vec<f64> {
-        self.areas.clone()
+        self.groups.areas.clone()
     }
 
     /// Whether group k lies inside a solid: it sends and receives nothing.
@@ -75,7 +109,7 @@ impl Facets {
     ///
     /// If there is no group k.
     pub fn covered(&self, k: usize) -> bool {
-        self.covered[k]
+        self.groups.covered[k]
     }
 
     /// Every polygon with the index of its group, group by group.
@@ -101,5 +135,8 @@ mod tests {
             [(0, 0.5), (1, 2.0), (1, 8.0)]
         );
         assert_eq!((facets.covered(0), facets.covered(1), facets.polygons(1).len()), (false, true, 2));
+        let second = facets.select(&[1]);
+        assert_eq!((second.areas(), second.covered(0), second.polygons(0)), (vec![10.0], true, facets.polygons(1)));
+        assert!(std::ptr::eq(second.polygons(0), facets.polygons(1)));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use radiosity_core::{Cost, Form, FormFactors, StoreError};
+use radiosity_core::{Cost, Form, FormFactors};
 use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
 use radiosity_form_factors::emitters::{Emitter, ExactEmitters};
 use radiosity_form_factors::hemicube::Hemicube;
@@ -11,6 +11,7 @@ use radiosity_form_factors::stores::{DenseFormFactors, Held, Keep, OnDemand, Pac
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders};
 
+use crate::hierarchical::fixed_links;
 use crate::{Geometry, Method, RunError, Store};
 
 /// What a phase of a run took.
@@ -159,11 +160,12 @@ pub(crate) fn build<'a>(
     })
 }
 
-/// A store of `method`'s form factors in `form`, and what filling it took (nothing yet for the on-demand ones).
+/// A store of `method`'s form factors in `form`, and what filling it took (nothing yet for the on-demand ones). Links are those for
+/// light that is equally bright everywhere.
 ///
 /// # Errors
 ///
-/// [`RunError`] if the method's settings are out of range or an entry is no form factor.
+/// [`RunError`] if the method's settings are out of range, an entry is no form factor, or links cannot hold the form factors.
 pub fn assemble<'a>(
     geometry: &'a Geometry<'_>,
     method: Method,
@@ -172,6 +174,10 @@ pub fn assemble<'a>(
     seed: u64,
 ) -> Result<(Box<dyn FormFactors + 'a>, Phase), RunError> {
     let clock = Instant::now();
+    if let (Store::Hierarchical { error, .. }, Method::Analytic { .. }, Form::Full) = (store, method, form) {
+        let (store, cost) = fixed_links(geometry, method, error, seed)?;
+        return Ok((Box::new(store), Phase { cost, time: clock.elapsed() }));
+    }
     let (store, cost) = fill(rows(geometry, method, form, seed)?, store)?;
     let store: Box<dyn FormFactors + 'a> = match store {
         Filled::Held(store) => store,
@@ -198,7 +204,7 @@ impl<'a> Filled<'a> {
 }
 
 /// A store of rows, and what filling it took.
-pub(crate) fn fill<'a>(rows: Box<dyn Rows + 'a>, store: Store) -> Result<(Filled<'a>, Cost), StoreError> {
+pub(crate) fn fill<'a>(rows: Box<dyn Rows + 'a>, store: Store) -> Result<(Filled<'a>, Cost), RunError> {
     let (store, cost): (Box<dyn Held>, Cost) = match store {
         Store::Dense => held(DenseFormFactors::assemble(&*rows)?),
         Store::Sparse => held(SparseFormFactors::assemble(&*rows)?),
@@ -206,6 +212,7 @@ pub(crate) fn fill<'a>(rows: Box<dyn Rows + 'a>, store: Store) -> Result<(Filled
         Store::PackedSingle => held(PackedFormFactors::<f32>::assemble(&*rows)?),
         Store::KeepAll => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::All)), Cost::default())),
         Store::KeepNone => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::None)), Cost::default())),
+        Store::Hierarchical { .. } => return Err(RunError::Links { rows: rows.name() }),
     };
     Ok((Filled::Held(store), cost))
 }

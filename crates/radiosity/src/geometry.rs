@@ -62,16 +62,12 @@ impl<'a> Geometry<'a> {
         for &e in &exposed {
             number[mesh.elements[e as usize].parent as usize] = 0;
         }
-        let (mut patches, mut exposed_patches) = (Facets::new(), Vec::new());
-        for (p, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = patches.len() as u32;
-            patches.push(mesh.patch_facets.polygons(p).to_vec(), false);
-            exposed_patches.push(p as u32);
+        let mut exposed_patches = Vec::new();
+        for (p, number) in (0_u32..).zip(&mut number).filter(|(_, number)| **number == 0) {
+            *number = exposed_patches.len() as u32;
+            exposed_patches.push(p);
         }
-        let mut elements = Facets::new();
-        for &e in &exposed {
-            elements.push(mesh.element_facets.polygons(e as usize).to_vec(), false);
-        }
+        let (patches, elements) = (mesh.patch_facets.select(&exposed_patches), mesh.element_facets.select(&exposed));
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
         let (element_occluders, emitters) = (OnceLock::new(), emitters(scene));
         Self { scene, mesh, blockers, element_occluders, exposed, elements, patches, exposed_patches, parent, emitters }

@@ -1,5 +1,6 @@
 //! What a strategy will cost, before it runs: exact counts where they are known, bounds elsewhere.
 
+use radiosity_form_factors::hierarchical::Hierarchy;
 use radiosity_form_factors::stores::PackedFormFactors;
 
 use crate::{Geometry, Method, Shape, Store, Strategy};
@@ -39,6 +40,8 @@ pub fn predict(geometry: &Geometry<'_>, strategy: &Strategy) -> Prediction {
         Store::Packed => PackedFormFactors::<f64>::bytes(m as usize),
         Store::PackedSingle => PackedFormFactors::<f32>::bytes(m as usize),
         Store::KeepNone => 0,
+        // A tree of nodes; links come as the light needs them.
+        Store::Hierarchical { .. } => Hierarchy::bytes_of(m as usize),
     };
     let coarse = if strategy.shape == Shape::TwoLevel { 8 * n * n } else { 0 };
     Prediction {

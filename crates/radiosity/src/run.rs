@@ -16,6 +16,7 @@ use radiosity_geometry::{CompareError, Scene};
 use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
+use crate::hierarchical::{HierarchicalReport, solve_by_links};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
 /// Why a run could not be made.
@@ -75,6 +76,14 @@ pub enum RunError {
         /// Name of the store.
         store: &'static str,
     },
+    /// Links cannot stand for these form factors.
+    #[error(
+        "links join elements of the full form by the analytic method, without repair; {rows} form factors need another store"
+    )]
+    Links {
+        /// Name of the estimator.
+        rows: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -99,6 +108,8 @@ pub struct Run<'a> {
     pub repair: Option<Repair>,
     /// What was forecast of the solution, if that was asked for.
     pub forecast: Option<Forecasted>,
+    /// What links came to, if the store held links.
+    pub hierarchical: Option<HierarchicalReport>,
     /// The solution on the exposed elements.
     pub solution: Solution,
 }
@@ -163,6 +174,11 @@ impl Strategy {
         if !needs.forms.contains(&form) {
             return Err(SolveError::NeedsForm { solver: name, form, works_on: needs.forms }.into());
         }
+        if let Store::Hierarchical { .. } = self.store
+            && !(rows == Method::ANALYTIC.name() && self.shape == Shape::Full && !self.repair)
+        {
+            return Err(RunError::Links { rows });
+        }
         if self.repair {
             let instead = match (symmetric, self.store) {
                 _ if self.shape != Shape::Full => return Err(RunError::RepairForm { form: self.shape.name() }),
@@ -196,6 +212,10 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
+    if let Store::Hierarchical { error, direct } = strategy.store {
+        let made = solve_by_links(&geometry, strategy, (error, direct), observer)?;
+        return Ok(made.run(geometry, meshing));
+    }
     let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
     let (store, known) = fill_checked(&geometry, rows, unblocked(strategy.method), strategy)?;
     let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
@@ -251,6 +271,7 @@ pub(crate) struct Made {
     checked: Option<Checked>,
     repair: Option<Repair>,
     forecast: Option<Forecasted>,
+    hierarchical: Option<HierarchicalReport>,
     solution: Solution,
 }
 
@@ -259,13 +280,31 @@ impl Made {
         self.solution.steps
     }
 
+    /// What links give: their entries are no estimates that checks of rows could judge.
+    pub(crate) fn of_links(
+        form_factors: Phase,
+        stored_bytes: u64,
+        links: HierarchicalReport,
+        solution: Solution,
+    ) -> Self {
+        Self {
+            form_factors,
+            stored_bytes,
+            checked: None,
+            repair: None,
+            forecast: None,
+            hierarchical: Some(links),
+            solution,
+        }
+    }
+
     pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, forecast, solution } = self;
-        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, forecast, solution }
+        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, solution } = self;
+        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, forecast, hierarchical, solution }
     }
 }
 
-fn stop_rule(strategy: &Strategy) -> StopRule {
+pub(crate) fn stop_rule(strategy: &Strategy) -> StopRule {
     let rule = StopRule::unshot(strategy.unshot).steps(strategy.steps);
     if strategy.verify { rule } else { rule.unverified() }
 }
@@ -362,7 +401,7 @@ pub(crate) fn solve_stored(
         }
         Check::Find(..) => None,
     };
-    Ok(Made { form_factors, stored_bytes: held + patch_bytes, checked, repair, forecast, solution })
+    Ok(Made { form_factors, stored_bytes: held + patch_bytes, checked, repair, forecast, hierarchical: None, solution })
 }
 
 /// Checks a store between the elements or patches that `form` says.

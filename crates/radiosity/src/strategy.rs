@@ -39,6 +39,8 @@ pub enum Method {
 impl Method {
     /// Analytic with its default settings.
     pub const ANALYTIC: Self = Self::exact(1e-10, 1e-6);
+    /// Analytic for links, which need few pairs exactly and none better than the links between them.
+    pub const OF_LINKS: Self = Self::exact(1e-6, 1e-4);
     /// Rays with their default number.
     pub const RAY_CAST: Self = Self::rays(1024);
     /// Rays and exact emitters with the default number of rays.
@@ -81,8 +83,22 @@ impl Method {
 /// Blocking polygons up to which partly blocked pairs are exact by default.
 const FEW_BLOCKERS: usize = 64;
 
-/// What is kept of the form factors.
+/// Estimated rms error of irradiance that links may cause unless told otherwise, relative to its mean.
+pub const LINK_ERROR: f64 = 0.01;
+
+/// Which light a hierarchical store leaves to its links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DirectLight {
+    /// All of it where many surfaces emit, else indirect light alone.
+    WhereFew,
+    /// Indirect light alone: what emitters send goes to every element exactly, by pairs.
+    Exact,
+    /// All light.
+    ByLinks,
+}
+
+/// What is kept of the form factors.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Store {
     /// Every entry, in double precision.
     Dense,
@@ -96,6 +112,13 @@ pub enum Store {
     KeepAll,
     /// Rows computed whenever asked for.
     KeepNone,
+    /// Links between nodes of any size, refined while the solution becomes known; of the analytic method in the full shape.
+    Hierarchical {
+        /// Estimated rms error of irradiance that links may cause, relative to its mean.
+        error: f64,
+        /// Which light links carry.
+        direct: DirectLight,
+    },
 }
 
 impl Store {
@@ -103,6 +126,8 @@ impl Store {
     pub const ALL: [Self; 4] = [Self::Dense, Self::Sparse, Self::KeepAll, Self::KeepNone];
     /// The stores that take only symmetric ones: of a pairwise estimator in the full shape.
     pub const SYMMETRIC: [Self; 2] = [Self::Packed, Self::PackedSingle];
+    /// Links with default settings.
+    pub const HIERARCHICAL: Self = Self::Hierarchical { error: LINK_ERROR, direct: DirectLight::WhereFew };
 
     /// Whether the store keeps one number for both directions of a pair, and so needs symmetric rows.
     pub fn needs_symmetric(&self) -> bool {
@@ -118,6 +143,7 @@ impl Store {
             Self::PackedSingle => "packed-f32",
             Self::KeepAll => "on-demand, kept",
             Self::KeepNone => "on-demand, recomputed",
+            Self::Hierarchical { .. } => "hierarchical",
         }
     }
 }

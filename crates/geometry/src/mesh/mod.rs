@@ -186,6 +186,10 @@ impl Mesh {
         mesh.face_begins.push(mesh.pieces.len());
         mesh.cell_begins.push(mesh.element_begins.len());
         mesh.element_begins.push(mesh.elements.len());
+        if settings.patches.is_none() {
+            // Every element is a patch of its own, on the same polygons.
+            mesh.patch_facets = mesh.element_facets.clone();
+        }
         Ok(mesh)
     }
 
@@ -242,9 +246,6 @@ impl Mesh {
                     let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
                     let (surface, i) = (piece.surface, piece.offset() + i);
                     self.elements.push(Element { surface, i, j, parent, covered, level: 0, path: Path::ROOT });
-                    if !has_patches {
-                        self.patch_facets.push(vec![part.clone()], covered);
-                    }
                     self.element_facets.push(vec![part], covered);
                 }
             }

@@ -98,7 +98,7 @@ impl Piece {
     }
 
     /// First column of the piece in its surface's numbering.
-    pub(super) fn offset(&self) -> u32 {
+    pub fn offset(&self) -> u32 {
         self.offset
     }
 

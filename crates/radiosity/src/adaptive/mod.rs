@@ -377,6 +377,7 @@ impl<'a> State<'a> {
     fn finish(self, solution: Solution, met: bool) -> AdaptiveRun<'a> {
         let solution = Solution { cost: self.solving.cost, time: self.solving.time, ..solution };
         let run = Run {
+            hierarchical: None,
             forecast: None,
             geometry: self.geometry,
             meshing: self.meshing,

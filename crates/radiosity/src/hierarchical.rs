@@ -1,0 +1,309 @@
+//! Hierarchical radiosity: links refined while the solution becomes known.
+//!
+//! ```text
+//! H = H_direct + F x,      x = ρ H_direct + ρ F x,      B = E + ρ H
+//! ```
+//!
+//! Light of few emitters is taken out of the links: each element gets H_direct = Σ_L F_eL E_L from the whole of every emitting surface L by
+//! the analytic estimator, shadows included, and what it reflects of that becomes the emission of a system of indirect light. Nothing
+//! counts twice, since x holds no E. It pays because a link to a small, bright node must be refined down to every element in its light:
+//! with direct light the number of links grows with the elements, and without it hardly.
+//!
+//! Rounds (lazy linking and multi-gridding; Holzschuch, Sillion, Drettakis 1994): links are made for a guess of x and a loose threshold,
+//! the system is solved, the links whose error is too large *for this x* are refined, and the solver goes on from the last answer, until the
+//! estimated error of all links together is what was asked for.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use radiosity_core::{BandValues, Cost, FormFactors, Observer, Solution, StopRule, System, solve_from};
+use radiosity_form_factors::Pairwise;
+use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
+use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, Hierarchy, Linking, Links};
+use rayon::prelude::*;
+
+use crate::run::{Made, named, stop_rule};
+use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
+
+/// Emitting surfaces up to which their light is taken exactly unless told otherwise.
+const FEW_EMITTERS: usize = 16;
+/// Threshold of the first round, in units of the error asked for.
+const FIRST: f64 = 0.1;
+/// By how much a threshold falls from round to round, at least and at most.
+const FALL: (f64, f64) = (1.5, 16.0);
+/// How the error of all links follows the threshold of one: ε ∝ τ^ORDER.
+const ORDER: f64 = 0.6;
+/// Unshot share to which rounds before the last are solved, in units of the error asked for.
+const COARSE: f64 = 3.0;
+/// Most rounds; the thresholds have fallen by six orders then.
+const ROUNDS: u32 = 12;
+/// Error of direct light, in units of the error asked for.
+const DIRECT: f64 = 0.3;
+
+/// Error of single pairs where the method names none.
+const TOLERANCE: f64 = 1e-6;
+
+/// What the links of a run came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HierarchicalReport {
+    /// Nodes of the hierarchy.
+    pub nodes: usize,
+    /// Links, all rounds' refinement done.
+    pub links: usize,
+    /// Solutions on ever finer links.
+    pub rounds: u32,
+    /// Estimated rms error of irradiance by links, relative to its mean.
+    pub error: f64,
+    /// Emitting surfaces whose light was taken exactly.
+    pub exact_emitters: usize,
+}
+
+/// Solves `geometry` on links, to an estimated error of `error` by them.
+pub(crate) fn solve_by_links(
+    geometry: &Geometry<'_>,
+    strategy: &Strategy,
+    (error, direct): (f64, DirectLight),
+    observer: &mut dyn Observer,
+) -> Result<Made, RunError> {
+    check(error)?;
+    let clock = Instant::now();
+    let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
+    let areas = geometry.elements().areas();
+    let hierarchy = Arc::new(Hierarchy::new(geometry.mesh(), geometry.exposed(), geometry.elements()));
+    // What elements send before links: their emission, or what they reflect of direct light.
+    let (emitters, _) = geometry.emitters();
+    let exact = match direct {
+        DirectLight::Exact => true,
+        DirectLight::ByLinks => false,
+        DirectLight::WhereFew => emitters.len() <= FEW_EMITTERS,
+    };
+    let mut cost = Cost::default();
+    let (lit, sent) = if exact {
+        let (lit, spent) = direct_light(geometry, error, strategy.seed);
+        cost += spent;
+        let mut sent = lit.clone();
+        sent.values_mut().iter_mut().zip(reflectance.values()).for_each(|(sent, rho)| *sent *= rho);
+        (Some(lit), sent)
+    } else {
+        (None, emission.clone())
+    };
+    let linking = linking(geometry, &hierarchy, strategy.method, strategy.seed);
+    let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref());
+    let mut brightness = Brightness::of(&hierarchy, &guess.sent, guess.level).linear();
+    drop(guess);
+    let mut threshold = FIRST * error;
+    let (mut links, spent) = linking.links(threshold, &brightness);
+    cost += spent;
+    let mut solver = named(&strategy.solver, strategy.seed)?;
+    let (mut rounds, mut before): (u32, Option<Solution>) = (0, None);
+    let mut form_factors = Phase { cost, time: clock.elapsed() };
+    loop {
+        let clock = Instant::now();
+        rounds += 1;
+        let found = links.error(&hierarchy, &brightness);
+        let last = found <= error || rounds == ROUNDS;
+        let store = HierarchicalFormFactors::new(Arc::clone(&hierarchy), &links);
+        let nodes_and_links = (hierarchy.len(), links.len());
+        if last {
+            // What was needed to refine is not needed to solve.
+            links = Links::default();
+        }
+        form_factors.time += clock.elapsed();
+        let system = System::full(&store, &areas, sent.view(), reflectance.view())?;
+        let from = before.as_ref().map(|solution| solution.radiosity.view());
+        let coarse = StopRule::unshot((COARSE * error).max(strategy.unshot)).steps(strategy.steps).unverified();
+        let mut solution = if last {
+            solve_from(&system, &mut *solver, &stop_rule(strategy), observer, from)?
+        } else {
+            solve_from(&system, &mut *solver, &coarse, &mut (), from)?
+        };
+        if let Some(before) = before.take() {
+            solution.cost += before.cost;
+            solution.time += before.time;
+            solution.steps += before.steps;
+        }
+        if last {
+            gather_finally(&store, (&emission, &reflectance), lit.as_ref(), &mut solution);
+            let (nodes, links) = nodes_and_links;
+            let exact_emitters = if exact { emitters.len() } else { 0 };
+            let report = HierarchicalReport { nodes, links, rounds, error: found, exact_emitters };
+            let stored_bytes = store.properties().stored_bytes;
+            return Ok(Made::of_links(form_factors, stored_bytes, report, solution));
+        }
+        let clock = Instant::now();
+        let level = level(&areas, &solution, &reflectance, &sent, lit.as_ref());
+        brightness = Brightness::of(&hierarchy, &solution.radiosity, level).linear();
+        // Only where the solver goes on from is kept.
+        solution.irradiance = BandValues::zeros(0, 0);
+        before = Some(solution);
+        drop(system);
+        drop(store);
+        threshold /= fall(links.error(&hierarchy, &brightness) / error);
+        form_factors.cost += linking.refine(&mut links, threshold, &brightness);
+        form_factors.time += clock.elapsed();
+    }
+}
+
+/// Links for light that is equally bright everywhere, to an estimated error of `error` by all of them.
+///
+/// # Errors
+///
+/// [`RunError::Tolerance`] if the error is not in (0, 1).
+pub(crate) fn fixed_links(
+    geometry: &Geometry<'_>,
+    method: Method,
+    error: f64,
+    seed: u64,
+) -> Result<(HierarchicalFormFactors, Cost), RunError> {
+    check(error)?;
+    let hierarchy = Arc::new(Hierarchy::new(geometry.mesh(), geometry.exposed(), geometry.elements()));
+    let linking = linking(geometry, &hierarchy, method, seed);
+    let brightness = Brightness::uniform(&hierarchy);
+    let mut threshold = FIRST * error;
+    let (mut links, mut cost) = linking.links(threshold, &brightness);
+    for _ in 0..ROUNDS {
+        let found = links.error(&hierarchy, &brightness);
+        if found <= error {
+            break;
+        }
+        threshold /= fall(found / error);
+        cost += linking.refine(&mut links, threshold, &brightness);
+    }
+    Ok((HierarchicalFormFactors::new(hierarchy, &links), cost))
+}
+
+fn check(error: f64) -> Result<(), RunError> {
+    if error > 0.0 && error < 1.0 { Ok(()) } else { Err(RunError::Tolerance { value: error }) }
+}
+
+/// By how much the threshold falls where links err by `excess` times what was asked for.
+fn fall(excess: f64) -> f64 {
+    excess.powf(1.0 / ORDER).clamp(FALL.0, FALL.1)
+}
+
+/// What makes the links of a geometry, with exact pairs by the estimator that `method` asks for.
+fn linking<'g>(
+    geometry: &'g Geometry<'_>,
+    hierarchy: &'g Hierarchy,
+    method: Method,
+    seed: u64,
+) -> Linking<'g, Analytic<'g>> {
+    let tolerance = match method {
+        Method::Analytic { tolerance, .. } => tolerance,
+        _ => TOLERANCE,
+    };
+    Linking::new(hierarchy, geometry.elements(), geometry.blockers(), estimator(geometry, method), tolerance, seed)
+}
+
+/// The estimator of pairs that `method` asks for.
+fn estimator<'g>(geometry: &'g Geometry<'_>, method: Method) -> Analytic<'g> {
+    let blockers = geometry.blockers();
+    let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers));
+    match method {
+        Method::Analytic { partial, .. } => analytic.partial_visibility(partial),
+        _ => analytic,
+    }
+}
+
+/// Irradiance of every element from whole emitting surfaces.
+fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, Cost) {
+    let (elements, scene) = (geometry.elements(), geometry.scene());
+    let (emitters, surfaces) = geometry.emitters();
+    let bands = scene.bands();
+    let emission: Vec<&[f64]> =
+        surfaces.iter().map(|&s| &scene.materials[scene.surfaces[s as usize].material].emission[..]).collect();
+    // An error of F_eL is one of E F in irradiance, whose mean is about the power over the area.
+    let brightest = emission.iter().flat_map(|e| e.iter().copied()).fold(0.0, f64::max);
+    let power: f64 =
+        emission.iter().enumerate().map(|(k, e)| emitters.area(k) * e.iter().copied().fold(0.0, f64::max)).sum();
+    let share = power / (brightest * scene.area());
+    let tolerance = (DIRECT * error * share).max(f64::MIN_POSITIVE);
+    let blockers = geometry.blockers();
+    let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers))
+        .partial_visibility(PartialVisibility::Exact { tolerance });
+    let mut lit = vec![0.0; elements.len() * bands];
+    const PIECE: usize = 1024;
+    let costs: Vec<Cost> = lit
+        .par_chunks_mut(PIECE * bands)
+        .enumerate()
+        .map(|(piece, lit)| {
+            let mut cost = Cost::default();
+            for (e, lit) in (piece * PIECE..).zip(lit.chunks_exact_mut(bands)) {
+                let polygon = &elements.polygons(e)[0];
+                for (k, emission) in emission.iter().enumerate() {
+                    let mut seen = 0.0;
+                    for emitter in emitters.polygons(k) {
+                        let estimate = analytic.exchange(polygon, emitter, tolerance, seed);
+                        cost += estimate.cost;
+                        seen += estimate.value;
+                    }
+                    lit.iter_mut().zip(*emission).for_each(|(lit, e)| *lit += e * seen / polygon.area());
+                }
+            }
+            cost
+        })
+        .collect();
+    let mut all = BandValues::zeros(bands, elements.len());
+    for b in 0..bands {
+        all.band_mut(b).iter_mut().zip(lit[b..].iter().step_by(bands)).for_each(|(to, lit)| *to = *lit);
+    }
+    (all, costs.into_iter().sum())
+}
+
+/// What elements may send, before anything is solved.
+struct Guess {
+    sent: BandValues,
+    level: f64,
+}
+
+impl Guess {
+    /// x = e + ρ H, with the same ambient H = ⟨e⟩ / (1 − ⟨ρ⟩) everywhere (Cohen et al. 1988).
+    fn new(areas: &[f64], e: &BandValues, rho: &BandValues, lit: Option<&BandValues>) -> Self {
+        let total: f64 = areas.iter().sum();
+        let mean = |x: &[f64]| x.iter().zip(areas).map(|(x, a)| x * a).sum::<f64>() / total;
+        let (mut sent, mut level) = (e.clone(), 0.0);
+        for b in 0..e.count() {
+            let ambient = mean(e.band(b)) / (1.0 - mean(rho.band(b)));
+            sent.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += rho * ambient);
+            level += (ambient + lit.map_or(0.0, |lit| mean(lit.band(b)))) / e.count() as f64;
+        }
+        Self { sent, level }
+    }
+}
+
+/// The mean irradiance that a solution of the system of the links stands for.
+fn level(areas: &[f64], solution: &Solution, rho: &BandValues, e: &BandValues, lit: Option<&BandValues>) -> f64 {
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for b in 0..e.count() {
+        for (k, area) in areas.iter().enumerate() {
+            // What an element sends beyond e it has received; the black ones do not tell.
+            let rho = rho.band(b)[k];
+            if rho > 0.0 {
+                let direct = lit.map_or(0.0, |lit| lit.band(b)[k]);
+                sum += area * (direct + (solution.radiosity.band(b)[k] - e.band(b)[k]) / rho);
+                weight += area;
+            }
+        }
+    }
+    if weight > 0.0 { sum / weight } else { 0.0 }
+}
+
+/// H = H_direct + F x by the final gather, and B = E + ρ H, in place of what the system of the links says.
+fn gather_finally(
+    store: &HierarchicalFormFactors,
+    (emission, reflectance): (&BandValues, &BandValues),
+    lit: Option<&BandValues>,
+    solution: &mut Solution,
+) {
+    let clock = Instant::now();
+    let (mut h, cost) = store.final_gather(solution.radiosity.view());
+    solution.cost += cost;
+    if let Some(lit) = lit {
+        h.values_mut().iter_mut().zip(lit.values()).for_each(|(h, lit)| *h += lit);
+    }
+    let data = emission.values().iter().zip(reflectance.values());
+    let b = solution.radiosity.values_mut().iter_mut().zip(h.values()).zip(data);
+    b.for_each(|((b, h), (e, rho))| *b = e + rho * h);
+    solution.irradiance = h;
+    solution.time += clock.elapsed();
+}
