@@ -12,13 +12,13 @@
 
 use std::error::Error;
 
-use radiosity::{Geometry, GridValues, Method, Shape, Store, Strategy};
+use radiosity::{Adaptive, DirectLight, Geometry, Goal, GridValues, Method, Run, Shape, Store, Strategy, run_adaptive};
 use radiosity_core::BandValues;
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::boxes::{empty_box, material};
 use radiosity_gallery::{BlockedLight, Hinge, crowded_room};
-use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::{Occluders, Scene};
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
@@ -142,34 +142,65 @@ fn exact_points(scene: &Scene, irradiance: impl Fn(f64, f64) -> f64) -> Result<G
 }
 
 /// The strategies that compete, by the form of their elements and patches.
-fn contenders() -> [&'static str; 3] {
-    ["full", "elements-to-patches", "patches-to-elements"]
+fn contenders() -> [&'static str; 5] {
+    ["full", "elements-to-patches", "patches-to-elements", "adaptive", "hierarchical"]
 }
 
-/// A contender on a mesh of edges `length`.
-fn strategy(contender: &str, scene: &Scene, length: f64) -> Strategy {
-    let elements = Subdivision::EdgeLength(length);
-    let patches = Some(Subdivision::EdgeLength(2.0 * length));
+/// A contender on its mesh of a level: edges half as long as those of the level before, or half the tolerance.
+fn solve<'a>(contender: &str, member: &'a Member, level: u32) -> Result<(Strategy, Run<'a>), Box<dyn Error>> {
+    let (scene, part) = (&member.scene, f64::from(1_u32 << level));
+    let (elements, patches) = (member.length / part, 2.0 * member.length / part);
+    let plain = |method| Strategy { unshot: 1e-4, ..Strategy::new(Subdivision::EdgeLength(elements), method) };
+    // Nothing is gained by pairs that are better than the mesh.
+    let pairs = match Occluders::blocking(scene).len() {
+        0 => Method::sampled(1e-6, 1),
+        blocking => Method::analytic_among(blocking),
+    };
     let mut strategy = match contender {
-        "full" => {
-            let blocking = radiosity_geometry::Occluders::blocking(scene).len();
-            let best = Method::analytic_among(blocking);
-            Strategy::new(elements, if blocking == 0 { Method::sampled(1e-6, 1) } else { best })
+        "full" => plain(pairs),
+        "elements-to-patches" => Strategy { shape: Shape::ElementsToPatches, ..plain(Method::RAYS_AND_EMITTERS) },
+        "patches-to-elements" => {
+            let shape = Shape::PatchesToElements;
+            Strategy { shape, solver: "shooting".to_owned(), ..plain(Method::Hemicube { resolution: 128 }) }
         }
-        "elements-to-patches" => {
-            let strategy = Strategy::new(elements, Method::RaysAndEmitters { rays: 1024 });
-            Strategy { shape: Shape::ElementsToPatches, ..strategy }
+        "adaptive" => {
+            let method = if scene.surfaces.len() > MANY_SURFACES { Method::RAYS_AND_EMITTERS } else { pairs };
+            let solver = "gauss-seidel".to_owned();
+            let strategy = Strategy { shape: Shape::ElementsToPatches, solver, ..plain(method) };
+            let goal = match member.measure {
+                Measure::Points => Goal::Points,
+                Measure::Cells(cells) => Goal::Cells(cells),
+            };
+            let tolerance = COARSEST_TOLERANCE / part;
+            let cells = Subdivision::EdgeLength(member.length);
+            let adaptive = Adaptive { cells, level: 1, ..Adaptive::new(goal, tolerance) };
+            return Ok((strategy.clone(), run_adaptive(scene, &strategy, &adaptive)?.run));
         }
         _ => {
-            let strategy = Strategy::new(elements, Method::Hemicube { resolution: 128 });
-            Strategy { shape: Shape::PatchesToElements, solver: "shooting".to_owned(), ..strategy }
+            let store = Store::Hierarchical { error: 0.5 * TARGET, direct: DirectLight::WhereFew };
+            Strategy { store, solver: "jacobi".to_owned(), ..plain(Method::OF_LINKS) }
         }
     };
     if strategy.shape != Shape::Full {
-        strategy.mesh.patches = patches;
+        strategy.mesh.patches = Some(Subdivision::EdgeLength(patches));
     }
-    Strategy { unshot: 1e-4, store: Store::Dense, ..strategy }
+    let run = radiosity::run(scene, &strategy, &mut ())?;
+    Ok((strategy, run))
 }
+
+/// About what a contender's next mesh costs, in elements of one that gathers from patches: pairs of all elements count four times.
+fn next_elements(contender: &str, elements: usize) -> usize {
+    match contender {
+        "full" => 16 * elements,
+        "adaptive" => 2 * elements,
+        _ => 4 * elements,
+    }
+}
+
+/// Surfaces beyond which adaptive runs cast rays.
+const MANY_SURFACES: usize = 16;
+/// Tolerance of the first adaptive run.
+const COARSEST_TOLERANCE: f64 = 0.04;
 
 impl Experiment for Parametric {
     fn name(&self) -> &'static str {
@@ -199,13 +230,11 @@ impl Experiment for Parametric {
         for member in &members {
             for contender in contenders() {
                 for level in 0..=halvings {
-                    let length = member.length / f64::from(1_u32 << level);
-                    let strategy = strategy(contender, &member.scene, length);
-                    let run = radiosity::run(&member.scene, &strategy, &mut ())?;
+                    let (strategy, run) = solve(contender, member, level)?;
                     let error = member.measure.of(&run.geometry, &run.solution.irradiance)?.error(&member.truth);
                     let met = error.rms <= TARGET;
                     let elements = run.geometry.elements().len();
-                    let last = met || level == halvings || 4 * elements > most;
+                    let last = met || level == halvings || next_elements(contender, elements) > most;
                     let key = format!("{}/{}/{contender}/{level}", member.family, member.parameter);
                     let record = counts(Record::new(key), &run.cost())
                         .text("family", member.family)
@@ -272,7 +301,7 @@ impl Experiment for Parametric {
             figure("time", "Time to 1 %", "time", "time", "s"),
             figure("memory", "Memory of form factors at 1 %", "stored_bytes", "memory", "bytes"),
             Figure::new("error-time", "Error against time, one member of each family")
-                .caption("One mark a mesh, each with edges half as long as the one before.")
+                .caption("One mark a mesh, each with edges half as long as the one before; adaptive: one a tolerance, each half the one before.")
                 .panels(errors.collect::<Vec<_>>()),
         ]
     }

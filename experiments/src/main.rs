@@ -10,6 +10,8 @@ mod parametric;
 mod patches;
 #[path = "05_progressive.rs"]
 mod progressive;
+#[path = "07_scale.rs"]
+mod scale;
 #[path = "04_solvers.rs"]
 mod solvers;
 #[path = "06_stability.rs"]
@@ -30,6 +32,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &solvers::Solvers,
     &progressive::Progressive,
     &stability::Stability,
+    &scale::Scale,
     &parametric::Parametric,
 ];
 
