@@ -259,7 +259,7 @@ impl Experiment for Substructuring {
         };
         let of_rays = |column: &'static str, label: &str| {
             let lines = group_by(tables.select_eq("series", RAYS), "along_an_edge").into_iter().map(|(k, rows)| {
-                Series::new(format!("{k} × {k} elements a face"), format!("{k} × {k}"))
+                Series::new(format!("{k} × {k} elements a face"), format!("{k} elements"))
                     .rows(rows, |r| (r.seconds("time"), r.number(column)))
             });
             let lines: Vec<_> = lines.collect();

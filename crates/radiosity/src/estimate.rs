@@ -12,6 +12,7 @@ use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_geometry::{Facets, Occluders};
 
 use crate::hierarchical::fixed_links;
+use crate::strategy::partial_among;
 use crate::{Geometry, Method, RunError, Store};
 
 /// What a phase of a run took.
@@ -69,7 +70,8 @@ pub(crate) fn with_emitters<'a>(
     if let Method::RaysAndEmitters { rays } = method {
         let tolerance = EMITTER_ERROR / f64::from(rays);
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
-        let analytic = analytic(geometry.blockers(), PartialVisibility::Exact { tolerance });
+        let blockers = geometry.blockers();
+        let analytic = analytic(blockers, partial_among(blockers.len(), tolerance));
         let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, tolerance, seed);
         let emitters = emitters(geometry, form, targets);
         return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));

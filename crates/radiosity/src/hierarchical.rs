@@ -22,7 +22,9 @@ use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
 use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, Hierarchy, Linking, Links};
 use rayon::prelude::*;
 
+use crate::estimate::analytic;
 use crate::run::{Made, named, stop_rule};
+use crate::strategy::partial_among;
 use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
 
 /// Emitting surfaces up to which their light is taken exactly unless told otherwise.
@@ -197,12 +199,11 @@ fn linking<'g>(
 
 /// The estimator of pairs that `method` asks for.
 fn estimator<'g>(geometry: &'g Geometry<'_>, method: Method) -> Analytic<'g> {
-    let blockers = geometry.blockers();
-    let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers));
-    match method {
-        Method::Analytic { partial, .. } => analytic.partial_visibility(partial),
-        _ => analytic,
-    }
+    let partial = match method {
+        Method::Analytic { partial, .. } => partial,
+        _ => PartialVisibility::Exact { tolerance: TOLERANCE },
+    };
+    analytic(geometry.blockers(), partial)
 }
 
 /// Irradiance of every element from whole emitting surfaces.
@@ -219,8 +220,7 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     let share = power / (brightest * scene.area());
     let tolerance = (DIRECT * error * share).max(f64::MIN_POSITIVE);
     let blockers = geometry.blockers();
-    let analytic = Analytic::new((!blockers.is_empty()).then_some(blockers))
-        .partial_visibility(PartialVisibility::Exact { tolerance });
+    let analytic = analytic(blockers, partial_among(blockers.len(), tolerance));
     let mut lit = vec![0.0; elements.len() * bands];
     const PIECE: usize = 1024;
     let costs: Vec<Cost> = lit

@@ -61,7 +61,7 @@ impl Method {
     /// Analytic with the default rule for partly blocked pairs among `blocking` polygons: exact, or segments where so many shadows
     /// may overlap that exact ones cost more than they are worth.
     pub const fn analytic_among(blocking: usize) -> Self {
-        if blocking <= FEW_BLOCKERS { Self::ANALYTIC } else { Self::sampled(1e-10, 256) }
+        Self::Analytic { tolerance: 1e-10, partial: partial_among(blocking, 1e-6) }
     }
 
     /// Rows of `rays` rays each.
@@ -82,6 +82,15 @@ impl Method {
 
 /// Blocking polygons up to which partly blocked pairs are exact by default.
 const FEW_BLOCKERS: usize = 64;
+
+/// The rule for partly blocked pairs among `blocking` polygons: exact to `tolerance` where they are few, else segments.
+pub(crate) const fn partial_among(blocking: usize, tolerance: f64) -> PartialVisibility {
+    if blocking <= FEW_BLOCKERS {
+        PartialVisibility::Exact { tolerance }
+    } else {
+        PartialVisibility::Rays { samples: 256, standard_error: f64::INFINITY }
+    }
+}
 
 /// Estimated rms error of irradiance that links may cause unless told otherwise, relative to its mean.
 pub const LINK_ERROR: f64 = 0.01;
