@@ -265,3 +265,25 @@ fn a_fifth_of_the_elements_reaches_the_same_error_at_points() {
     assert!(uniform.geometry.elements().len() >= 5 * elements);
     assert!(reached < worse, "{elements} elements reach {reached:e}, five times as many uniform ones {worse:e}");
 }
+
+/// A tube of 1 × 1 × 4 in cells of ½: two along its ends, which must be halved twice before eight report cells can be told apart.
+#[test]
+fn elements_are_as_fine_as_the_report_cells_whatever_the_patches() {
+    let mut loops: Vec<_> = faces(DVec3::ZERO, DVec3::new(1.0, 1.0, 4.0), true).into_iter().map(|f| (f, 0)).collect();
+    loops[4].1 = 1;
+    let scene = scene_of_loops(&loops, vec![material("wall", 0.3, 0.0), material("light", 0.0, 1.0)]);
+    let cells = Subdivision::EdgeLength(0.5);
+    let settings = Adaptive { cells, level: 0, ..Adaptive::new(Goal::Cells(8), 0.02) };
+    let run = adaptive(&scene, Method::ANALYTIC, &settings);
+    let mesh = run.run.geometry.mesh();
+    assert!((0..6).all(|s| mesh.elements.iter().filter(|e| e.surface == s).count() >= 64));
+    let fine = run_adaptive(
+        &scene,
+        &strategy(Method::ANALYTIC),
+        &Adaptive { cells: Subdivision::EdgeLength(0.25), ..Adaptive::new(Goal::Cells(8), 0.002) },
+    );
+    let fine = fine.unwrap().run;
+    let truth = GridValues::means(&fine.geometry, &fine.solution.irradiance, 8).unwrap();
+    let (estimate, error) = (estimated(&run), true_error(&run, &truth));
+    assert!((1.0..5.0).contains(&(estimate / error)), "estimate {estimate:e}, error {error:e}");
+}

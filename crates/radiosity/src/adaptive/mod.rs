@@ -63,7 +63,7 @@ pub enum Criterion {
 pub struct Adaptive {
     /// Cells of every face: the first patches.
     pub cells: Subdivision,
-    /// Level of the elements to begin with.
+    /// Level of the elements to begin with; deeper where the cells of the goal need it.
     pub level: u8,
     /// Deepest level of elements.
     pub most_level: u8,
@@ -111,6 +111,16 @@ impl Adaptive {
         let level =
             (0..self.most_level).find(|&l| u64::from(cells) << l >= u64::from(wanted)).unwrap_or(self.most_level);
         Self { cells: Subdivision::Uniform(cells), level, ..self }
+    }
+
+    /// Level from which on the elements of every face that can be cut are at least as fine as the cells of the goal: the estimate does not
+    /// see what varies inside an element.
+    fn nesting(&self, geometry: &Geometry<'_>) -> u8 {
+        let Goal::Cells(k) = self.goal else { return 0 };
+        let pieces = (0..geometry.scene().surfaces.len()).flat_map(|s| geometry.mesh().pieces(s));
+        let along = pieces.filter(|piece| piece.corners().len() <= 4).map(|piece| piece.divisions());
+        let coarsest = along.map(|(first, last)| first.min(last)).min().unwrap_or(k);
+        (0..self.most_level).find(|&l| u64::from(coarsest) << l >= u64::from(k)).unwrap_or(self.most_level)
     }
 }
 
@@ -217,7 +227,7 @@ impl<'a> State<'a> {
         let cells = adaptive.cells;
         // Every part of a cell that a contact cuts is a patch of its own: light does not pass a partition within one.
         let mut geometry = Geometry::new(scene, &MeshSettings { elements: cells, patches: None, contacts: true })?;
-        for _ in 0..adaptive.level {
+        for _ in 0..adaptive.level.max(adaptive.nesting(&geometry)) {
             let all = vec![true; geometry.mesh().elements.len()];
             geometry = geometry.on(geometry.mesh().refined(&all).mesh);
         }
