@@ -73,7 +73,7 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
         ("elements-to-patches", [0x44, 0xaa, 0x99], Marker::Square),
         ("patches-to-elements", [0xcc, 0x66, 0x33], Marker::Triangle),
         ("two-level", [0xdd, 0xaa, 0x22], Marker::Diamond),
-        ("adaptive", [0x33, 0x77, 0xee], Marker::Wedge),
+        ("adaptive", [0x33, 0x77, 0xee], Marker::Pentagon),
     ],
     // Stores.
     &[
