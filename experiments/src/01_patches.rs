@@ -243,7 +243,8 @@ fn room(k: u32, method: Method) -> Result<Record, Box<dyn Error>> {
         let geometry = Geometry::new(&scene, &settings)?;
         let (store, cost) = DenseFormFactors::assemble(&*rows(&geometry, method, Form::Full, 1)?)?;
         let (e, rho) = (&emission, geometry.reflectance());
-        let system = System::full(&store, &geometry.elements().areas(), e.view(), rho.view())?;
+        let areas = geometry.elements().areas();
+        let system = System::full(&store, &areas, e.view(), rho.view())?;
         let solution = solve(&system, &mut GaussSeidel::default(), &StopRule::unshot(strategy.unshot), &mut ())?;
         drop(system);
         Ok((geometry, cost, solution, store))

@@ -1,13 +1,14 @@
 //! `radiosity solve`: radiosity and irradiance of every element or report cell.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use radiosity::{
-    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method, Round, Run,
-    RunError, Saving,
+    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method, Phase, Round,
+    Run, RunError, Saving,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
-use radiosity::{default_method, predict, run as run_strategy, run_adaptive, run_saved, run_to_tolerance};
+use radiosity::{default_method, predict, run_adaptive, run_meshed, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
@@ -97,17 +98,21 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
 fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
+    let clock = Instant::now();
     let geometry = Geometry::new(scene, &mesh)?;
+    let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
     finish_strategy(&mut strategy, args);
     strategy.check()?;
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, None));
     }
-    drop(geometry);
     let (run, way) = match args.tolerance {
-        Some(tolerance) => to_tolerance(args, scene, &mut strategy, tolerance)?,
-        None => (run_strategy(scene, &strategy, &mut ())?, Way::Straight),
+        Some(tolerance) => {
+            drop(geometry);
+            to_tolerance(args, scene, &mut strategy, tolerance)?
+        }
+        None => (run_meshed(geometry, meshing, &strategy, &mut ())?, Way::Straight),
     };
     finish(args, imported, &strategy, None, &run, way)
 }

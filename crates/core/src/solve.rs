@@ -225,7 +225,9 @@ pub fn solve_from(
         cost += spent;
         steps += 1;
     };
-    finish(system, iterate, solver.sampled(system), stop, Ending { outcome, steps, cost, time, direction })
+    let sampled = solver.sampled(system);
+    solver.release();
+    finish(system, iterate, sampled, stop, Ending { outcome, steps, cost, time, direction })
 }
 
 fn check(system: &System<'_>, solver: &dyn Solver, stop: &StopRule, from: Option<Bands<'_>>) -> Result<(), SolveError> {
@@ -326,7 +328,7 @@ fn finish(
     ending: Ending,
 ) -> Result<Solution, SolveError> {
     let Ending { outcome, steps, mut cost, mut time, direction } = ending;
-    let Iterate { shot, residual } = iterate;
+    let Iterate { shot, mut residual } = iterate;
     let (bands, m) = (system.bands(), system.elements());
     let mut verification = Cost::default();
     let standard_error = sampled.as_ref().map(|sampled| sampled.standard_error);
@@ -349,10 +351,12 @@ fn finish(
         }
         b
     } else {
+        // What the method made of r is not looked at: its memory goes to what follows.
+        let had_residual = residual.take().is_some();
         // A method without r needs this pass for its answer, and one that samples has a better one of it; for the others it is a check.
         let clock = Instant::now();
         let spent = system.irradiance(direction, shot.view(), irradiance.view_mut())?;
-        if residual.is_none() || standard_error.is_some() {
+        if !had_residual || standard_error.is_some() {
             cost += spent;
             time += clock.elapsed();
         } else {

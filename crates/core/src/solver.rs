@@ -54,7 +54,7 @@ pub struct Sampled {
 
 /// A solution method for B = E + ρFB.
 ///
-/// A solver keeps its own work space between [`Solver::start`] and the last [`Solver::step`]; it never times itself,
+/// A solver keeps its own work space between [`Solver::start`] and [`Solver::release`]; it never times itself,
 /// never checks for convergence and never computes an error: [`crate::solve`] does, the same for all.
 pub trait Solver {
     /// Short name for tables and flags: `jacobi`, `cg`, …
@@ -86,6 +86,9 @@ pub trait Solver {
     fn sampled(&self, _system: &System<'_>) -> Option<Sampled> {
         None
     }
+
+    /// Gives back the work space: the loop calls it after the last step, before the answer is checked.
+    fn release(&mut self) {}
 
     /// Passes over the form factors without a new smallest η after which the run counts as stagnated: more for a method
     /// whose η rises for a while before it falls.

@@ -27,22 +27,23 @@ pub enum Form {
 
 /// Areas and parents of the patches of a substructured system.
 #[derive(Clone, Debug)]
-struct Patches {
-    parent: Vec<u32>,
+struct Patches<'a> {
+    parent: &'a [u32],
     areas: Vec<f64>,
 }
 
 /// B = E + ρ H over m elements, with H linear in B through a store of form factors.
 ///
-/// Elements hold B; in the substructured forms the n patches send the area mean of their elements.
+/// Elements hold B; in the substructured forms the n patches send the area mean of their elements. The data are borrowed: a system
+/// takes no memory an element of its own.
 #[derive(Clone)]
 pub struct System<'a> {
     store: &'a dyn FormFactors,
     form: Form,
-    areas: Vec<f64>,
-    emission: BandValues,
-    reflectance: BandValues,
-    patches: Option<Patches>,
+    areas: &'a [f64],
+    emission: Bands<'a>,
+    reflectance: Bands<'a>,
+    patches: Option<Patches<'a>>,
 }
 
 impl std::fmt::Debug for System<'_> {
@@ -61,9 +62,9 @@ impl<'a> System<'a> {
     /// [`SystemError`] if a value is out of range or a length does not fit.
     pub fn full(
         store: &'a dyn FormFactors,
-        areas: &[f64],
-        emission: Bands<'_>,
-        reflectance: Bands<'_>,
+        areas: &'a [f64],
+        emission: Bands<'a>,
+        reflectance: Bands<'a>,
     ) -> Result<Self, SystemError> {
         Self::build(store, Form::Full, areas, emission, reflectance, None)
     }
@@ -76,10 +77,10 @@ impl<'a> System<'a> {
     pub fn substructured(
         store: &'a dyn FormFactors,
         form: Form,
-        areas: &[f64],
-        parent: &[u32],
-        emission: Bands<'_>,
-        reflectance: Bands<'_>,
+        areas: &'a [f64],
+        parent: &'a [u32],
+        emission: Bands<'a>,
+        reflectance: Bands<'a>,
     ) -> Result<Self, SystemError> {
         if form == Form::Full {
             return Self::full(store, areas, emission, reflectance);
@@ -95,17 +96,17 @@ impl<'a> System<'a> {
         if let Some(at) = patch_areas.iter().position(|&a| a == 0.0) {
             return Err(SystemError::Parent { at, patches: n });
         }
-        let patches = Patches { parent: parent.to_vec(), areas: patch_areas };
+        let patches = Patches { parent, areas: patch_areas };
         Self::build(store, form, areas, emission, reflectance, Some(patches))
     }
 
     fn build(
         store: &'a dyn FormFactors,
         form: Form,
-        areas: &[f64],
-        emission: Bands<'_>,
-        reflectance: Bands<'_>,
-        patches: Option<Patches>,
+        areas: &'a [f64],
+        emission: Bands<'a>,
+        reflectance: Bands<'a>,
+        patches: Option<Patches<'a>>,
     ) -> Result<Self, SystemError> {
         let m = areas.len();
         if m == 0 {
@@ -150,8 +151,7 @@ impl<'a> System<'a> {
                 }
             }
         }
-        let (emission, reflectance) = (emission.to_owned(), reflectance.to_owned());
-        Ok(Self { store, form, areas: areas.to_vec(), emission, reflectance, patches })
+        Ok(Self { store, form, areas, emission, reflectance, patches })
     }
 
     /// Number m of elements.
@@ -175,28 +175,28 @@ impl<'a> System<'a> {
     }
 
     /// Areas of the elements.
-    pub fn areas(&self) -> &[f64] {
-        &self.areas
+    pub fn areas(&self) -> &'a [f64] {
+        self.areas
     }
 
     /// Emission E of the elements.
-    pub fn emission(&self) -> Bands<'_> {
-        self.emission.view()
+    pub fn emission(&self) -> Bands<'a> {
+        self.emission
     }
 
     /// Reflectance ρ of the elements.
-    pub fn reflectance(&self) -> Bands<'_> {
-        self.reflectance.view()
+    pub fn reflectance(&self) -> Bands<'a> {
+        self.reflectance
     }
 
     /// The patch of every element, in the substructured forms.
     pub fn parent(&self) -> Option<&[u32]> {
-        self.patches.as_ref().map(|p| &p.parent[..])
+        self.patches.as_ref().map(|p| p.parent)
     }
 
     /// Areas of the patches; in the full form those of the elements.
     pub fn patch_areas(&self) -> &[f64] {
-        self.patches.as_ref().map_or(&self.areas, |p| &p.areas)
+        self.patches.as_ref().map_or(self.areas, |p| &p.areas)
     }
 
     /// Area means over the patches of values on the elements; a copy in the full form.
@@ -205,7 +205,7 @@ impl<'a> System<'a> {
         let mut means = BandValues::zeros(x.count(), patches.areas.len());
         for b in 0..x.count() {
             let band = means.band_mut(b);
-            for ((&p, &area), &value) in patches.parent.iter().zip(&self.areas).zip(x.band(b)) {
+            for ((&p, &area), &value) in patches.parent.iter().zip(self.areas).zip(x.band(b)) {
                 band[p as usize] += area * value;
             }
             band.iter_mut().zip(&patches.areas).for_each(|(mean, area)| *mean /= area);
@@ -228,7 +228,7 @@ impl<'a> System<'a> {
             (Form::PatchesToElements, _) => self.store.scatter(self.patch_means(x).view(), h.reborrow()),
         }?;
         for b in 0..h.count() {
-            h.band(b).iter_mut().zip(&self.areas).for_each(|(h, area)| *h /= area);
+            h.band(b).iter_mut().zip(self.areas).for_each(|(h, area)| *h /= area);
         }
         Ok(cost)
     }
@@ -334,7 +334,7 @@ impl<'a> System<'a> {
         let Some(patches) = &self.patches else { return Ok((back, cost)) };
         for b in 0..self.bands() {
             let of_patches = back.band(b);
-            let own = reflected.band_mut(b).iter_mut().zip(&patches.parent);
+            let own = reflected.band_mut(b).iter_mut().zip(patches.parent);
             own.for_each(|(value, &p)| *value = of_patches[p as usize]);
         }
         Ok((reflected, cost))

@@ -80,7 +80,7 @@ fn pair(scale: f64) -> Rows {
 
 const AREAS: [f64; 2] = [1.0, 2.0];
 
-fn system<'a>(store: &'a Rows, e: &[f64], rho: &[f64]) -> System<'a> {
+fn system<'a>(store: &'a Rows, e: &'a [f64], rho: &'a [f64]) -> System<'a> {
     System::full(store, &AREAS, Bands::new(e, 2), Bands::new(rho, 2)).unwrap()
 }
 

@@ -131,7 +131,7 @@ impl IntegratingSphere {
     /// # Panics
     ///
     /// If the values are no system.
-    pub fn system<'a>(&self, store: &'a dyn FormFactors, emission: &[f64], reflectance: &[f64]) -> System<'a> {
+    pub fn system<'a>(&'a self, store: &'a dyn FormFactors, emission: &'a [f64], reflectance: &'a [f64]) -> System<'a> {
         self.system_of(Form::Full, &[], store, emission, reflectance)
     }
 
@@ -141,12 +141,12 @@ impl IntegratingSphere {
     ///
     /// If the values are no system.
     pub fn system_of<'a>(
-        &self,
+        &'a self,
         form: Form,
-        parent: &[u32],
+        parent: &'a [u32],
         store: &'a dyn FormFactors,
-        emission: &[f64],
-        reflectance: &[f64],
+        emission: &'a [f64],
+        reflectance: &'a [f64],
     ) -> System<'a> {
         let m = self.areas.len();
         let (e, rho) = (Bands::new(emission, m), Bands::new(reflectance, m));

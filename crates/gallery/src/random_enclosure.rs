@@ -120,7 +120,7 @@ impl RandomEnclosure {
     /// # Panics
     ///
     /// If the values are no system.
-    pub fn system<'a>(&self, store: &'a dyn FormFactors) -> System<'a> {
+    pub fn system<'a>(&'a self, store: &'a dyn FormFactors) -> System<'a> {
         self.system_with(store, &self.emission, &self.reflectance)
     }
 
@@ -129,7 +129,12 @@ impl RandomEnclosure {
     /// # Panics
     ///
     /// If the values are no system.
-    pub fn system_with<'a>(&self, store: &'a dyn FormFactors, emission: &[f64], reflectance: &[f64]) -> System<'a> {
+    pub fn system_with<'a>(
+        &'a self,
+        store: &'a dyn FormFactors,
+        emission: &'a [f64],
+        reflectance: &'a [f64],
+    ) -> System<'a> {
         let (e, rho) = (Bands::new(emission, self.len()), Bands::new(reflectance, self.len()));
         System::full(store, &self.areas, e, rho).unwrap_or_else(|fault| panic!("{fault}"))
     }

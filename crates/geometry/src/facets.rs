@@ -41,12 +41,12 @@ impl Facets {
     /// # Panics
     ///
     /// If there are 2³² polygons or more.
-    pub fn push(&mut self, polygons: Vec<Polygon>, covered: bool) {
+    pub fn push(&mut self, polygons: impl IntoIterator<Item = Polygon>, covered: bool) {
         let (all, groups) = (Arc::make_mut(&mut self.polygons), Arc::make_mut(&mut self.groups));
         let index = |k: usize| u32::try_from(k).expect("polygons are numbered in 32 bits");
         let begin = index(all.len());
-        groups.areas.push(polygons.iter().map(Polygon::area).sum());
         all.extend(polygons);
+        groups.areas.push(all[begin as usize..].iter().map(Polygon::area).sum());
         groups.ranges.push([begin, index(all.len())]);
         groups.covered.push(covered);
     }

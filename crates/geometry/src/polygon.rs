@@ -3,13 +3,59 @@
 use glam::DVec3;
 
 /// A convex planar polygon; its front is the side from which the vertices run counter-clockwise.
+///
+/// Triangles and quadrilaterals, of which meshes hold millions, hold their vertices in place; others take an allocation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polygon {
-    vertices: Box<[DVec3]>,
+    vertices: Vertices,
     normal: DVec3,
     centroid: DVec3,
     area: f64,
     thickness: f64,
+}
+
+/// Vertices held in place up to four.
+#[derive(Clone)]
+enum Vertices {
+    /// The first so many of them; the rest is zero.
+    Few(u8, [DVec3; 4]),
+    Many(Box<[DVec3]>),
+}
+
+impl From<&[DVec3]> for Vertices {
+    fn from(vertices: &[DVec3]) -> Self {
+        let mut few = [DVec3::ZERO; 4];
+        match few.get_mut(..vertices.len()) {
+            Some(own) => {
+                own.copy_from_slice(vertices);
+                Self::Few(vertices.len() as u8, few)
+            }
+            None => Self::Many(vertices.into()),
+        }
+    }
+}
+
+impl std::ops::Deref for Vertices {
+    type Target = [DVec3];
+
+    fn deref(&self) -> &[DVec3] {
+        match self {
+            Self::Few(count, few) => &few[..usize::from(*count)],
+            Self::Many(many) => many,
+        }
+    }
+}
+
+impl PartialEq for Vertices {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl std::fmt::Debug for Vertices {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (**self).fmt(f)
+    }
 }
 
 /// Why vertices make no polygon.

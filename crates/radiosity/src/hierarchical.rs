@@ -69,7 +69,7 @@ pub(crate) fn solve_by_links(
 ) -> Result<Made, RunError> {
     check(error)?;
     let clock = Instant::now();
-    let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
+    let reflectance = geometry.reflectance();
     let areas = geometry.elements().areas();
     let hierarchy = Arc::new(Hierarchy::new(geometry.mesh(), geometry.exposed(), geometry.elements()));
     // What elements send before links: their emission, or what they reflect of direct light.
@@ -87,7 +87,7 @@ pub(crate) fn solve_by_links(
         sent.values_mut().iter_mut().zip(reflectance.values()).for_each(|(sent, rho)| *sent *= rho);
         (Some(lit), sent)
     } else {
-        (None, emission.clone())
+        (None, geometry.emission())
     };
     let linking = linking(geometry, &hierarchy, strategy.method, strategy.seed);
     let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref());
@@ -125,7 +125,7 @@ pub(crate) fn solve_by_links(
             solution.steps += before.steps;
         }
         if last {
-            gather_finally(&store, (&emission, &reflectance), lit.as_ref(), &mut solution);
+            gather_finally(&store, (&geometry.emission(), &reflectance), lit.as_ref(), &mut solution);
             let (nodes, links) = nodes_and_links;
             let exact_emitters = if exact { emitters.len() } else { 0 };
             let report = HierarchicalReport { nodes, links, rounds, error: found, exact_emitters };

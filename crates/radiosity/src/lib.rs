@@ -29,7 +29,7 @@ pub use hierarchical::HierarchicalReport;
 pub use mend::{Repair, mend, mend_dense};
 pub use predict::{Prediction, predict};
 pub use resolve::{Saving, Solved};
-pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_saved, solve_on};
+pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_meshed, run_saved, solve_on};
 pub use saved::{FitError, FittedRows, SavedCell, SavedFormFactors};
 pub use strategy::{DirectLight, LINK_ERROR, Method, Shape, Store, Strategy, default_method};
 pub use tolerance::{ToleranceRun, ToleranceStep, run_to_tolerance};

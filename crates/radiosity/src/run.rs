@@ -212,6 +212,21 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
+    run_meshed(geometry, meshing, strategy, observer)
+}
+
+/// [`run`] on a mesh that is there already, made as `strategy` says in a phase of its own.
+///
+/// # Errors
+///
+/// [`RunError`] as [`run`].
+pub fn run_meshed<'a>(
+    geometry: Geometry<'a>,
+    meshing: Phase,
+    strategy: &Strategy,
+    observer: &mut dyn Observer,
+) -> Result<Run<'a>, RunError> {
+    strategy.check()?;
     if let Store::Hierarchical { error, direct } = strategy.store {
         let made = solve_by_links(&geometry, strategy, (error, direct), observer)?;
         return Ok(made.run(geometry, meshing));
@@ -500,14 +515,9 @@ fn two_level(
     let aggregation = Phase { cost, time: clock.elapsed() };
     // Patch means of the elements' data.
     let areas = geometry.elements().areas();
-    let elements = System::substructured(
-        store,
-        Form::ElementsToPatches,
-        &areas,
-        geometry.parent(),
-        geometry.emission().view(),
-        geometry.reflectance().view(),
-    )?;
+    let (e, rho) = (geometry.emission(), geometry.reflectance());
+    let elements =
+        System::substructured(store, Form::ElementsToPatches, &areas, geometry.parent(), e.view(), rho.view())?;
     let (e, rho) = (elements.patch_means(elements.emission()), elements.patch_means(elements.reflectance()));
     let coarse = System::full(&patches, elements.patch_areas(), e.view(), rho.view())?;
     let forecast = foresee(&coarse, strategy)?;

@@ -54,6 +54,10 @@ impl Solver for Chebyshev {
         Ok((Iterate { shot, residual: Some(residual) }, cost))
     }
 
+    fn release(&mut self) {
+        self.work = None;
+    }
+
     fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {
         let (d, intervals) = self.work.as_mut().expect("start comes before step");
         let Iterate { shot, residual } = iterate;

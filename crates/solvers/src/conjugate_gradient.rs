@@ -180,31 +180,37 @@ impl Solver for ConjugateGradient {
                 }
             }
         }
-        // Sums of x and, to deflate, of ρ in one pass over the rows.
-        let mut sent = shot.values().to_vec();
-        if self.deflated {
-            sent.extend(rho.values());
-        }
-        let mut gathered = BandValues::zeros(sent.len() / m, m);
-        let cost = system.store().gather(Bands::new(&sent, m), gathered.view_mut())?;
-        let (of_shot, of_rho) = gathered.values().split_at(bands * m);
-        let mut irradiance = Bands::new(of_shot, m).to_owned();
-        for b in 0..bands {
-            irradiance.band_mut(b).iter_mut().zip(system.areas()).for_each(|(h, a)| *h /= a);
-        }
-        let mut residual = system.radiosity(irradiance.view());
-        residual.values_mut().iter_mut().zip(shot.values()).for_each(|(r, x)| *r -= x);
+        let mut residual = BandValues::zeros(bands, m);
+        let (slow, cost) = if self.deflated {
+            // Sums of x and of ρ in one pass over the rows.
+            let sent = [shot.values(), rho.values()].concat();
+            let mut gathered = BandValues::zeros(2 * bands, m);
+            let cost = system.store().gather(Bands::new(&sent, m), gathered.view_mut())?;
+            let (of_shot, of_rho) = gathered.values().split_at(bands * m);
+            for b in 0..bands {
+                let (e, rho, x, sums) = (e.band(b), rho.band(b), shot.band(b), &of_shot[b * m..]);
+                for (k, r) in residual.band_mut(b).iter_mut().enumerate() {
+                    *r = e[k] + rho[k] * (sums[k] / system.areas()[k]) - x[k];
+                }
+            }
+            (Some(SlowMode::new(system, &d, Bands::new(of_rho, m))), cost)
+        } else {
+            (None, system.residual(Direction::Gather, shot.view(), residual.view_mut())?)
+        };
         let mut work = Work::new(d, residual.view());
+        work.slow = slow;
         if self.deflated {
-            let slow = SlowMode::new(system, &work.d, Bands::new(of_rho, m));
-            work.slow = Some(slow);
             work.solve_slow_mode(&mut shot, rho);
             work.unscale_residual(&mut residual);
         }
-        work.p = work.r.clone();
+        work.p.values_mut().copy_from_slice(work.r.values());
         (0..bands).for_each(|b| work.deflate(b));
         self.work = Some(work);
         Ok((Iterate { shot, residual: Some(residual) }, cost))
+    }
+
+    fn release(&mut self) {
+        self.work = None;
     }
 
     fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {

@@ -299,6 +299,10 @@ impl Solver for Direct {
         Ok((Iterate { shot, residual: Some(residual) }, cost))
     }
 
+    fn release(&mut self) {
+        self.factors.clear();
+    }
+
     fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {
         let mut cost = Cost::default();
         if self.factors.is_empty() {

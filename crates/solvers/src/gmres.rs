@@ -183,6 +183,10 @@ impl Solver for Gmres {
         Ok((Iterate { shot, residual: Some(residual) }, cost))
     }
 
+    fn release(&mut self) {
+        (self.spaces, self.product) = (Vec::new(), None);
+    }
+
     fn step(&mut self, system: &System<'_>, iterate: &mut Iterate) -> Result<(Progress, Cost), StoreError> {
         let Iterate { shot, residual } = iterate;
         let r = residual.as_mut().expect("start gave one");

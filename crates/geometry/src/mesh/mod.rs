@@ -117,11 +117,39 @@ pub struct Mesh {
     element_begins: Vec<usize>,
 }
 
+/// Polygons in which cells are cut, cell by cell, in one allocation for all.
+struct Parts {
+    polygons: Vec<Polygon>,
+    /// First part of every cell, and the number of parts.
+    begins: Vec<usize>,
+}
+
+impl Parts {
+    /// Cells that are not cut.
+    fn whole(cells: Vec<Polygon>) -> Self {
+        Self { begins: (0..=cells.len()).collect(), polygons: cells }
+    }
+
+    fn of(cut: Vec<Vec<Polygon>>) -> Self {
+        let mut begins = vec![0];
+        begins.extend(cut.iter().scan(0, |end, parts| {
+            *end += parts.len();
+            Some(*end)
+        }));
+        Self { polygons: cut.into_iter().flatten().collect(), begins }
+    }
+
+    /// Parts of each cell.
+    fn iter(&self) -> impl Iterator<Item = &[Polygon]> {
+        self.begins.windows(2).map(|cell| &self.polygons[cell[0]..cell[1]])
+    }
+}
+
 /// Cells of one face before they are numbered.
 struct FaceCells {
     grids: Vec<Grids>,
     /// Parts of every cell, piece by piece.
-    elements: Vec<Vec<Polygon>>,
+    elements: Parts,
     /// The patch of every cell.
     parents: Vec<usize>,
     /// Patches before any cut.
@@ -172,7 +200,7 @@ impl Mesh {
             .enumerate()
             .map(|(k, grids)| FaceCells::new(faces[k].1, grids, contacts.map(|c| (c, c.lines(k)))))
             .collect();
-        let parts: Vec<&Polygon> = face_cells.iter().flat_map(|f| f.elements.iter().flatten()).collect();
+        let parts: Vec<&Polygon> = face_cells.iter().flat_map(|f| &f.elements.polygons).collect();
         let covered: Vec<bool> = parts.par_iter().map(|p| contacts.is_some_and(|c| c.covered(p))).collect();
 
         let mut mesh = Self::empty();
@@ -235,18 +263,18 @@ impl Mesh {
         }
 
         // Elements.
-        let mut cells = face.elements.into_iter().zip(flags).zip(&face.parents);
+        let mut cells = face.elements.iter().zip(flags).zip(&face.parents);
         for grid in face.grids {
             let piece = grid.elements;
             self.cell_begins.push(self.element_begins.len());
             for ((i, j), ((parts, flags), &patch)) in piece.indices().zip(&mut cells) {
                 self.element_begins.push(self.elements.len());
-                for (part, covered) in parts.into_iter().zip(flags) {
+                for (part, covered) in parts.iter().zip(flags) {
                     let own = self.elements.len() as u32;
                     let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
                     let (surface, i) = (piece.surface, piece.offset() + i);
                     self.elements.push(Element { surface, i, j, parent, covered, level: 0, path: Path::ROOT });
-                    self.element_facets.push(vec![part], covered);
+                    self.element_facets.push([part.clone()], covered);
                 }
             }
             self.pieces.push(piece);
@@ -369,8 +397,8 @@ impl FaceCells {
             }
         }
         let (elements, lines) = match contacts {
-            Some((contacts, lines)) if !lines.is_empty() => (contacts.cut(cells, &lines), lines),
-            _ => (cells.into_iter().map(|c| vec![c]).collect(), Vec::new()),
+            Some((contacts, lines)) if !lines.is_empty() => (Parts::of(contacts.cut(cells, &lines)), lines),
+            _ => (Parts::whole(cells), Vec::new()),
         };
         Self { grids, elements, parents, patches, lines }
     }

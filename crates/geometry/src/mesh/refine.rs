@@ -102,7 +102,7 @@ impl Mesh {
     }
 
     fn push_part(&mut self, element: Element, polygon: Polygon) {
-        self.element_facets.push(vec![polygon], element.covered);
+        self.element_facets.push([polygon], element.covered);
         self.elements.push(element);
     }
 
