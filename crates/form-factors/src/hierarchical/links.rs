@@ -229,6 +229,7 @@ impl Contributions {
 }
 
 /// A pair still to be looked at, and the blockers that may stand between.
+#[derive(Clone)]
 struct Task {
     pair: [u32; 2],
     blockers: Vec<u32>,
@@ -266,26 +267,31 @@ impl<'a, P: Pairwise> Linking<'a, P> {
                 selves.extend(pair);
             }
         }
-        self.settle(tasks, threshold, brightness)
+        let mut links = Links::default();
+        let cost = self.settle(tasks, threshold, brightness, &mut links);
+        (links, cost)
     }
 
     /// Refines the links that err by more than τ = `threshold` and leaves the others as they are; what that cost.
     pub fn refine(&self, links: &mut Links, threshold: f64, brightness: &Brightness) -> Cost {
         let limit = self.limit(threshold);
-        let mut tasks = Vec::new();
+        let mut pairs = Vec::new();
         links.links.retain(|link| {
             let pair = Contributions::of(self.hierarchy, brightness, link.p, link.q);
             let [of_p, of_q] = pair.errors(link.varies, link.wrong);
             let keep = of_p + of_q <= limit;
             if !keep {
-                tasks.push([link.p, link.q]);
+                pairs.push([link.p, link.q]);
             }
             keep
         });
-        let tasks = tasks.into_par_iter().map(|[p, q]| self.task(p, q)).collect();
-        let (new, cost) = self.settle(tasks, threshold, brightness);
-        links.links.extend(new.links);
-        cost
+        let task = |k: usize| self.task(pairs[k][0], pairs[k][1]);
+        if pairs.len() < TASKS {
+            let tasks = (0..pairs.len()).into_par_iter().map(task).collect();
+            return self.settle(tasks, threshold, brightness, links);
+        }
+        // Lists of blockers are made when they are needed: all at once they take more than the links.
+        self.descend_all(pairs.len(), task, threshold, brightness, links)
     }
 
     fn limit(&self, threshold: f64) -> f32 {
@@ -298,17 +304,17 @@ impl<'a, P: Pairwise> Linking<'a, P> {
         Task { pair: [p, q], blockers: self.screens.as_ref().map_or_else(Vec::new, around) }
     }
 
-    /// Links of all pairs of the tasks: in breadth until there are enough of them, then in depth, in parallel.
-    fn settle(&self, mut tasks: Vec<Task>, threshold: f64, brightness: &Brightness) -> (Links, Cost) {
+    /// Adds links of all pairs of the tasks: in breadth until there are enough of them, then in depth, in parallel.
+    fn settle(&self, mut tasks: Vec<Task>, threshold: f64, brightness: &Brightness, links: &mut Links) -> Cost {
         let search = Search { linking: self, brightness, limit: self.limit(threshold) };
-        let (mut links, mut cost) = (Vec::new(), Cost::default());
+        let mut cost = Cost::default();
         while !tasks.is_empty() && tasks.len() < TASKS {
             let mut next = Vec::new();
             for Task { pair: [p, q], blockers } in tasks {
                 let mut found = Vec::new();
                 match search.step(p, q, &blockers, &mut found, &mut cost) {
                     Step::Nothing => {}
-                    Step::Keep(link) => links.push(link),
+                    Step::Keep(link) => links.links.push(link),
                     Step::Split(side) => {
                         next.extend(search.child_pairs(p, q, side).map(|pair| Task { pair, blockers: found.clone() }));
                     }
@@ -316,21 +322,39 @@ impl<'a, P: Pairwise> Linking<'a, P> {
             }
             tasks = next;
         }
-        let parts: Vec<(Vec<Link>, Cost)> = tasks
+        cost + self.descend_all(tasks.len(), |k| tasks[k].clone(), threshold, brightness, links)
+    }
+
+    /// Adds links of all pairs of `count` tasks, each in depth, in parallel over pieces of the list.
+    fn descend_all(
+        &self,
+        count: usize,
+        task: impl Fn(usize) -> Task + Sync,
+        threshold: f64,
+        brightness: &Brightness,
+        links: &mut Links,
+    ) -> Cost {
+        let search = Search { linking: self, brightness, limit: self.limit(threshold) };
+        let piece = count.div_ceil(TASKS).max(1);
+        let parts: Vec<(Vec<Link>, Cost)> = (0..count.div_ceil(piece))
             .into_par_iter()
-            .map(|Task { pair: [p, q], blockers: mut stack }| {
+            .map(|k| {
                 let (mut links, mut cost) = (Vec::new(), Cost::default());
-                let given = stack.len();
-                search.descend(p, q, 0..given, &mut stack, &mut links, &mut cost);
+                for k in k * piece..((k + 1) * piece).min(count) {
+                    let Task { pair: [p, q], blockers: mut stack } = task(k);
+                    let given = stack.len();
+                    search.descend(p, q, 0..given, &mut stack, &mut links, &mut cost);
+                }
                 (links, cost)
             })
             .collect();
-        links.reserve_exact(parts.iter().map(|(links, _)| links.len()).sum());
+        links.links.reserve_exact(parts.iter().map(|(links, _)| links.len()).sum());
+        let mut cost = Cost::default();
         for (part, spent) in parts {
-            links.extend(part);
+            links.links.extend(part);
             cost += spent;
         }
-        (Links { links }, cost)
+        cost
     }
 }
 
