@@ -64,6 +64,10 @@ pub struct Common {
     /// Say what would be done and what it would cost, and stop.
     #[arg(long)]
     pub dry_run: bool,
+    /// Memory that may be taken, with a suffix k, M, G or T if you like; what the machine has left if not given. What would take more is
+    /// refused before it begins.
+    #[arg(long, value_name = "BYTES", value_parser = crate::memory::parse)]
+    pub memory: Option<u64>,
     /// Scale reflectances at or above 1 (and Kd + Ks above 1) down to this.
     #[arg(long, value_name = "RHO", value_parser = below_one)]
     pub clamp_reflectance: Option<f64>,

@@ -1,17 +1,17 @@
 //! `radiosity compare`: every strategy on the user's own scene, error against time.
 
-use radiosity::{Geometry, run as run_strategy};
-use radiosity::{GridValues, Measured, Method, RunError, Store, Strategy, Yardstick, default_method};
+use radiosity::{Bytes, Change, GridValues, Measured, Method, RunError, Size, Store, Strategy, Yardstick};
+use radiosity::{admit, coarser, default_method, run as run_strategy};
 use radiosity_core::Outcome;
-use radiosity_geometry::Occluders;
 use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::write_atomically;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Point, Quality, Series};
 use radiosity_solvers::STOCHASTIC;
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;
-use crate::{Failure, Verdict, output, scene};
+use crate::{Failure, Verdict, memory, output, scene};
 
 /// A strategy and how it went.
 struct Compared<'a> {
@@ -30,7 +30,9 @@ const MOST_PAIRS: u64 = 4 << 20;
 
 /// The strategies of a comparison: every solver on every store of the pairwise estimator, and on the dense and the
 /// recomputed store of the row-wise ones.
-fn strategies(subdivide: u32, unshot: f64, seed: u64, blocking: usize) -> Vec<Strategy> {
+fn strategies(args: &CompareArgs, blocking: usize) -> Vec<Strategy> {
+    let (subdivide, unshot, seed, memory) =
+        (args.subdivide, args.unshot, args.common.seed, memory::limit(&args.common));
     let mut all = Vec::new();
     for method in METHODS {
         let pairwise = matches!(method, Method::Analytic { .. });
@@ -50,7 +52,7 @@ fn strategies(subdivide: u32, unshot: f64, seed: u64, blocking: usize) -> Vec<St
                 if sensible {
                     let strategy = Strategy::new(Subdivision::Uniform(subdivide), method);
                     let steps = if solver == STOCHASTIC { SAMPLED_STEPS } else { strategy.steps };
-                    all.push(Strategy { store, solver: solver.to_owned(), unshot, steps, seed, ..strategy });
+                    all.push(Strategy { store, solver: solver.to_owned(), unshot, steps, seed, memory, ..strategy });
                 }
             }
         }
@@ -63,22 +65,14 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let imported = scene::with_materials(&args.common)?;
     let scene = &imported.scene;
     let blocking = Occluders::blocking(scene).len();
-    let all = strategies(args.subdivide, args.unshot, args.common.seed, blocking);
+    let all = strategies(args, blocking);
     if args.common.dry_run {
         let object = json!({ "dry_run": true, "strategies": all.len() });
         output::print(&args.common, &object, &[format!("{} strategies; nothing run", all.len())]);
         return Ok(Verdict::Done);
     }
-    // The reference: a mesh twice as fine, by the method that suits its size.
-    let fine = Strategy::new(Subdivision::Uniform(2 * args.subdivide), Method::ANALYTIC);
-    let geometry = Geometry::new(scene, &fine.mesh)?;
-    let reference_method = match default_method(geometry.elements().len(), geometry.blockers().len()) {
-        Method::RaysAndEmitters { .. } => Method::RaysAndEmitters { rays: 8192 },
-        method => method,
-    };
-    drop(geometry);
-    let fine = Strategy::new(Subdivision::Uniform(2 * args.subdivide), reference_method);
-    let reference = run_strategy(scene, &fine, &mut ())?;
+    let fine = reference(args, scene, &all, blocking)?;
+    let reference = run_strategy(scene, &fine, &mut ()).map_err(memory::explained)?;
     let truth = GridValues::means(&reference.geometry, &reference.solution.irradiance, GRID)?;
     drop(reference);
     let best = match Method::analytic_among(blocking) {
@@ -104,7 +98,7 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     write_atomically(&args.output.join("comparison.svg"), |out| out.write_all(svg.as_bytes()))?;
     drawing.write_png(&args.output.join("comparison.png"))?;
     let object = json!({
-        "reference": output::method(reference_method),
+        "reference": output::method(fine.method),
         "strategies": compared.iter().map(compared_json).collect::<Vec<_>>(),
         "folder": args.output.display().to_string(),
     });
@@ -114,6 +108,33 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     lines.push(format!("→ {}", args.output.display()));
     output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)
+}
+
+/// The reference: a mesh twice as fine, by the method that suits its size, or by what fits in memory. Refused where none of the
+/// strategies fits with all entries of its system, against which it is measured.
+fn reference(args: &CompareArgs, scene: &Scene, all: &[Strategy], blocking: usize) -> Result<Strategy, Failure> {
+    let elements = Subdivision::Uniform(2 * args.subdivide);
+    let plain = Strategy::new(elements, Method::ANALYTIC);
+    let method = match default_method(Size::before_meshing(scene, &plain.mesh)?.elements as usize, blocking) {
+        Method::RaysAndEmitters { .. } => Method::RaysAndEmitters { rays: 8192 },
+        method => method,
+    };
+    let dense = Strategy { memory: memory::limit(&args.common), ..Strategy::new(elements, method) };
+    let Err(error) = admit(scene, &dense) else { return Ok(dense) };
+    let RunError::Memory { needed, limit, alternative } = error else { return Err(error.into()) };
+    let measured = |strategy: &&Strategy| !strategy.casts_rays() && Yardstick::admits(scene, strategy).is_ok();
+    match alternative.filter(|other| !matches!(other.change, Change::Coarser(_))) {
+        Some(other) if all.iter().any(|strategy| measured(&strategy)) => Ok(other.strategy),
+        _ => {
+            let smaller = coarser(scene, &dense, limit).map(|other| other.strategy.mesh.elements);
+            let instead = match smaller {
+                Some(Subdivision::Uniform(k)) if k >= 2 => format!("--subdivide {} fits", k / 2),
+                _ => "`radiosity solve` needs none".to_owned(),
+            };
+            let (needed, limit) = (Bytes(needed), Bytes(limit));
+            Err(format!("the reference of a comparison, twice as fine, takes about {needed} of memory, and there are {limit}; {instead}").into())
+        }
+    }
 }
 
 fn label(strategy: &Strategy) -> String {

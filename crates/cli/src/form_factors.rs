@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use radiosity::{Geometry, Method, Phase, Repair, cell_form_factors, mend_dense, rows};
+use radiosity::{Geometry, Method, Phase, Repair, RunError, Store, Strategy};
+use radiosity::{admit, cell_form_factors, coarser, mend_dense, rows};
 use radiosity_core::{Form, FormFactors};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
@@ -18,7 +19,7 @@ use crate::args::FormFactorsArgs;
 use crate::cells::{Cells, Label};
 use crate::output::Names;
 use crate::scene::Faces;
-use crate::{Failure, Verdict, from_point, output, scene, sidecar};
+use crate::{Failure, Verdict, from_point, memory, output, scene, sidecar};
 
 /// Whether `path` names View3D's text layout.
 pub fn is_view3d(path: &Path) -> bool {
@@ -41,7 +42,23 @@ pub fn run(args: &FormFactorsArgs) -> Result<Verdict, Failure> {
         return Err(NOTHING_ASKED.into());
     }
     check_repair(args, &faces)?;
+    admitted(args, &faces.imported.scene)?;
     if args.contacts { of_elements(args, &faces) } else { of_cells(args, &faces) }
+}
+
+/// Refuses a matrix that would take too much memory; its only alternative is a smaller one. A dry run needs the mesh alone.
+fn admitted(args: &FormFactorsArgs, scene: &Scene) -> Result<(), Failure> {
+    let plain = Strategy::new(Subdivision::Uniform(args.subdivide), args.estimator.method(Method::ANALYTIC, 0));
+    let store = if args.common.dry_run { Store::KeepNone } else { Store::Dense };
+    let strategy = Strategy { store, memory: memory::limit(&args.common), ..plain };
+    let refused = match admit(scene, &strategy) {
+        Err(RunError::Memory { needed, limit, .. }) => {
+            let alternative = coarser(scene, &strategy, limit).map(Box::new);
+            Err(RunError::Memory { needed, limit, alternative })
+        }
+        other => other,
+    };
+    refused.map_err(memory::explained)
 }
 
 fn cells(args: &FormFactorsArgs, faces: &Faces) -> Result<Cells, Failure> {

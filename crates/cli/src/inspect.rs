@@ -1,27 +1,30 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, Strategy, forecast, predict};
+use radiosity::{Geometry, Method, Size, Strategy, forecast, predict};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
 use crate::args::InspectArgs;
-use crate::solve::{mesh_settings, strategy};
-use crate::{Failure, Verdict, output, scene};
+use crate::solve::{admitted_mesh, mesh_settings, sizes, strategy};
+use crate::{Failure, Verdict, memory, output, scene};
 
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let imported = scene::with_materials(&args.common)?;
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
+    let program = memory::program();
+    let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
+    admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
     let geometry = Geometry::new(scene, &mesh)?;
-    let strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
-    let prediction = predict(&geometry, &strategy);
+    let strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
+    let prediction = predict(&Size::of(&geometry), &strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
     let left_out = left_out(scene, &geometry);
     let forecasted = if args.forecast {
         let asked = Strategy { forecast: output::FORECAST, ..strategy.clone() };
-        Some(forecast(scene, &asked)?.0)
+        Some(forecast(scene, &asked).map_err(memory::explained)?.0)
     } else {
         None
     };
@@ -53,6 +56,8 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             "rays": prediction.rays,
             "hemicube_pixels": prediction.hemicube_pixels,
             "stored_bytes": prediction.stored_bytes,
+            "mesh_bytes": prediction.mesh_bytes,
+            "peak_bytes": prediction.peak_bytes + program,
         },
         "forecast": forecasted.as_ref().map(|f| output::forecast(f, args.unshot)),
     });
@@ -84,12 +89,13 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             r.line_elements
         ),
         format!(
-            "mesh: {} elements, {} patches; predicted {} form factors by {}, {} of memory",
+            "mesh: {} elements, {} patches; predicted {} form factors by {} in {}, {} of memory in all",
             prediction.elements,
             prediction.patches,
             prediction.form_factors,
             strategy.method.name(),
-            output::bytes(prediction.stored_bytes)
+            output::bytes(prediction.stored_bytes),
+            output::bytes(prediction.peak_bytes + program)
         ),
     ];
     lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));

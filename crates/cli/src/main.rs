@@ -8,6 +8,7 @@ mod compare;
 mod form_factors;
 mod from_point;
 mod inspect;
+mod memory;
 mod output;
 mod saved;
 mod scene;

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use radiosity::{ErrorMeasure, Forecasted, Method, Phase, Repair, Saving};
+use radiosity::{Bytes, ErrorMeasure, Forecasted, Method, Phase, Repair, Saving};
 use radiosity_core::{Cost, Forecast};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::checks::{BlockedPairs, Checks};
@@ -275,10 +275,5 @@ pub fn peak_bytes() -> Option<u64> {
 
 /// `1.2 MB` for people.
 pub fn bytes(bytes: u64) -> String {
-    match bytes as f64 {
-        b if b >= 1e9 => format!("{:.2} GB", b / 1e9),
-        b if b >= 1e6 => format!("{:.1} MB", b / 1e6),
-        b if b >= 1e3 => format!("{:.1} kB", b / 1e3),
-        b => format!("{b} B"),
-    }
+    Bytes(bytes).to_string()
 }

@@ -8,20 +8,20 @@ use radiosity::{
     Run, RunError, Saving,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
-use radiosity::{default_method, predict, run_adaptive, run_meshed, run_saved, run_to_tolerance};
+use radiosity::{Size, admit, default_method, predict, run_adaptive, run_meshed, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
-use radiosity_geometry::{Scene, SceneChange};
+use radiosity_geometry::{Occluders, Scene, SceneChange};
 use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
-use crate::args::{Estimator, MeshArgs, SolveArgs, StoreName};
+use crate::args::{Common, Estimator, MeshArgs, SolveArgs, StoreName};
 use crate::output::Names;
 use crate::saved::Saved;
-use crate::{Failure, Verdict, output, saved, scene};
+use crate::{Failure, Verdict, memory, output, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
 const MOST_ELEMENTS: usize = 40_000;
@@ -47,12 +47,17 @@ pub fn mesh_settings(mesh: &MeshArgs) -> MeshSettings {
     MeshSettings { elements, patches: mesh.patch_subdivide.map(Subdivision::Uniform), contacts: true }
 }
 
-/// The strategy asked for, with what is not asked for chosen by the size of `geometry`.
-pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimator, seed: u64) -> Strategy {
-    let blocking = geometry.blockers().len();
-    let method = estimator.method(default_method(geometry.elements().len(), blocking), blocking);
+/// The strategy asked for, with what is not asked for chosen by the number of elements and of polygons that may block.
+pub fn strategy(
+    (elements, blocking): (usize, usize),
+    mesh: MeshSettings,
+    estimator: &Estimator,
+    common: &Common,
+) -> Strategy {
+    let (seed, memory) = (common.seed, memory::limit(common));
+    let method = estimator.method(default_method(elements, blocking), blocking);
     let substructured = mesh.patches.is_some();
-    let mut strategy = Strategy { mesh, seed, ..Strategy::new(Subdivision::Uniform(1), method) };
+    let mut strategy = Strategy { mesh, seed, memory, ..Strategy::new(Subdivision::Uniform(1), method) };
     if substructured {
         strategy.shape = Shape::ElementsToPatches;
         "gauss-seidel".clone_into(&mut strategy.solver);
@@ -98,23 +103,50 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
 fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
+    let program = memory::program();
+    admitted(args, scene, mesh)?;
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
-    let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
+    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None));
+        return Ok(dry_run(args, &geometry, &strategy, None, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
             drop(geometry);
-            to_tolerance(args, scene, &mut strategy, tolerance)?
+            to_tolerance(args, scene, &mut strategy, tolerance).map_err(memory::explained)?
         }
-        None => (run_meshed(geometry, meshing, &strategy, &mut ())?, Way::Straight),
+        None => (run_meshed(geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
     };
     finish(args, imported, &strategy, None, &run, way)
+}
+
+/// Elements that take part, and polygons that may block.
+pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
+    (geometry.elements().len(), geometry.blockers().len())
+}
+
+/// Refuses what would take too much memory before there is a mesh: of a dry run, the mesh alone.
+fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<(), Failure> {
+    let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
+    let mut strategy = strategy((cells, Occluders::blocking(scene).len()), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args);
+    strategy.check()?;
+    if args.common.dry_run {
+        admitted_mesh(scene, &strategy)
+    } else {
+        admit(scene, &strategy).map_err(memory::explained)
+    }
+}
+
+/// Refuses a mesh that would take too much memory whatever is done on it.
+pub fn admitted_mesh(scene: &Scene, strategy: &Strategy) -> Result<(), Failure> {
+    let method = Method::ANALYTIC;
+    let least = Strategy { store: Store::KeepNone, solver: "shooting".to_owned(), method, ..strategy.clone() };
+    admit(scene, &least).map_err(memory::explained)
 }
 
 /// Solves the scene of another file first, and this one from its answer.
@@ -123,16 +155,18 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     let change = imported.scene.change_from(&before.scene).map_err(|error| format!("{}: {error}", path.display()))?;
     one_moved(&imported.scene, &change, path)?;
     let mesh = mesh_settings(&args.mesh);
+    let program = memory::program();
+    admitted(args, &imported.scene, mesh)?;
     // What is not asked for is chosen as without the scene before.
     let geometry = Geometry::new(&imported.scene, &mesh)?;
-    let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
+    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None));
+        return Ok(dry_run(args, &geometry, &strategy, None, program));
     }
     drop(geometry);
-    let first = Solved::new(&before.scene, &strategy, &mut ())?;
+    let first = Solved::new(&before.scene, &strategy, &mut ()).map_err(memory::explained)?;
     let (again, saving) = first.resolve(&imported.scene, &mut ())?;
     let seconds = first.run().seconds();
     finish(args, imported, &strategy, None, again.run(), Way::After { path, seconds, saving })
@@ -193,6 +227,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     let k = args.mesh.subdivide.or(saved.subdivide()).unwrap_or(CELLS);
     let Saved { form_factors, beside } = saved;
     let mesh = MeshSettings { elements: Subdivision::Uniform(k), patches: None, contacts: true };
+    let program = memory::program();
     let geometry = Geometry::new(&imported.scene, &mesh)?;
     let rows = form_factors.fit(&geometry).map_err(|error| {
         let scene = args.common.scene.display();
@@ -203,13 +238,14 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     })?;
     let solver = if rows.symmetric() { "cg" } else { "gauss-seidel" };
     let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
-    let mut strategy = Strategy { solver: solver.to_owned(), seed: args.common.seed, ..plain };
+    let memory = memory::limit(&args.common);
+    let mut strategy = Strategy { solver: solver.to_owned(), seed: args.common.seed, memory, ..plain };
     finish_strategy(&mut strategy, args);
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, Some(&file)));
+        return Ok(dry_run(args, &geometry, &strategy, Some(&file), program));
     }
-    let run = run_saved(geometry, &file.rows, &strategy, &mut ())?;
+    let run = run_saved(geometry, &file.rows, &strategy, &mut ()).map_err(memory::explained)?;
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
 }
 
@@ -239,8 +275,14 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
     strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
-fn dry_run(args: &SolveArgs, geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>) -> Verdict {
-    let (object, line) = prediction(geometry, strategy, file);
+fn dry_run(
+    args: &SolveArgs,
+    geometry: &Geometry<'_>,
+    strategy: &Strategy,
+    file: Option<&FromFile>,
+    program: u64,
+) -> Verdict {
+    let (object, line) = prediction(geometry, strategy, file, program);
     output::print(&args.common, &object, &[line]);
     Verdict::Done
 }
@@ -338,8 +380,8 @@ fn method_name(strategy: &Strategy, file: Option<&FromFile>) -> String {
     }
 }
 
-fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>) -> (Value, String) {
-    let mut p = predict(geometry, strategy);
+fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>, program: u64) -> (Value, String) {
+    let mut p = predict(&Size::of(geometry), strategy);
     if file.is_some() {
         (p.form_factors, p.source_evaluations) = (0, 0);
     }
@@ -350,16 +392,18 @@ fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFi
         "form": strategy.shape.name(),
         "predicted": {
             "form_factors": p.form_factors, "source_evaluations": p.source_evaluations, "rays": p.rays,
-            "hemicube_pixels": p.hemicube_pixels, "stored_bytes": p.stored_bytes,
+            "hemicube_pixels": p.hemicube_pixels, "stored_bytes": p.stored_bytes, "mesh_bytes": p.mesh_bytes,
+            "peak_bytes": p.peak_bytes + program,
         },
     });
     let line = format!(
-        "{} elements, {} patches; {} form factors by {}, {} of memory, solver {}; nothing written",
+        "{} elements, {} patches; {} form factors by {} in {}, {} of memory in all, solver {}; nothing written",
         p.elements,
         p.patches,
         p.form_factors,
         method_name(strategy, file),
         output::bytes(p.stored_bytes),
+        output::bytes(p.peak_bytes + program),
         strategy.solver
     );
     (object, line)

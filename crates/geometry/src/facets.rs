@@ -69,6 +69,16 @@ impl Facets {
         Self { polygons: Arc::clone(&self.polygons), groups: Arc::new(selected) }
     }
 
+    /// Bytes of so many groups of one polygon of at most four vertices.
+    pub fn bytes_of(groups: u64) -> u64 {
+        size_of::<Polygon>() as u64 * groups + Self::selected_bytes_of(groups)
+    }
+
+    /// Bytes that a selection of so many groups takes beside the polygons it shares.
+    pub fn selected_bytes_of(groups: u64) -> u64 {
+        (size_of::<[u32; 2]>() + size_of::<f64>() + size_of::<bool>()) as u64 * groups
+    }
+
     /// Number of groups.
     pub fn len(&self) -> usize {
         self.groups.ranges.len()

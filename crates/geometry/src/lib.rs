@@ -15,7 +15,7 @@ mod testing;
 pub mod triangulate;
 
 pub use facets::Facets;
-pub use mesh::{Element, Mesh, MeshError, MeshSettings, Piece, ReportCell, ReportGrid, Subdivision};
+pub use mesh::{Element, Mesh, MeshError, MeshSettings, MeshSize, Piece, ReportCell, ReportGrid, Subdivision};
 pub use occlusion::{Hit, Occluders, blocking_polygons};
 pub use polygon::{Polygon, PolygonError};
 pub use replace::{Change, CompareError, Disturbed, FacetMap, SceneChange};

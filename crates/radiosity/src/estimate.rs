@@ -180,7 +180,7 @@ pub fn assemble<'a>(
         let (store, cost) = fixed_links(geometry, method, error, seed)?;
         return Ok((Box::new(store), Phase { cost, time: clock.elapsed() }));
     }
-    let (store, cost) = fill(rows(geometry, method, form, seed)?, store)?;
+    let (store, cost) = fill(rows(geometry, method, form, seed)?, store, None)?;
     let store: Box<dyn FormFactors + 'a> = match store {
         Filled::Held(store) => store,
         Filled::OnDemand(store) => Box::new(store),
@@ -205,14 +205,20 @@ impl<'a> Filled<'a> {
     }
 }
 
-/// A store of rows, and what filling it took.
-pub(crate) fn fill<'a>(rows: Box<dyn Rows + 'a>, store: Store) -> Result<(Filled<'a>, Cost), RunError> {
+/// A store of rows, and what filling it took; refused if it takes more than `limit` bytes.
+pub(crate) fn fill<'a>(
+    rows: Box<dyn Rows + 'a>,
+    store: Store,
+    limit: Option<u64>,
+) -> Result<(Filled<'a>, Cost), RunError> {
     let (store, cost): (Box<dyn Held>, Cost) = match store {
-        Store::Dense => held(DenseFormFactors::assemble(&*rows)?),
-        Store::Sparse => held(SparseFormFactors::assemble(&*rows)?),
-        Store::Packed => held(PackedFormFactors::<f64>::assemble(&*rows)?),
-        Store::PackedSingle => held(PackedFormFactors::<f32>::assemble(&*rows)?),
-        Store::KeepAll => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::All)), Cost::default())),
+        Store::Dense => held(DenseFormFactors::assemble_within(&*rows, limit)?),
+        Store::Sparse => held(SparseFormFactors::assemble_within(&*rows, limit)?),
+        Store::Packed => held(PackedFormFactors::<f64>::assemble_within(&*rows, limit)?),
+        Store::PackedSingle => held(PackedFormFactors::<f32>::assemble_within(&*rows, limit)?),
+        Store::KeepAll => {
+            return Ok((Filled::OnDemand(OnDemand::within(rows, Keep::All, limit)?), Cost::default()));
+        }
         Store::KeepNone => return Ok((Filled::OnDemand(OnDemand::new(rows, Keep::None)), Cost::default())),
         Store::Hierarchical { .. } => return Err(RunError::Links { rows: rows.name() }),
     };

@@ -23,6 +23,7 @@ use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, 
 use rayon::prelude::*;
 
 use crate::estimate::analytic;
+use crate::predict::admit_links;
 use crate::run::{Made, named, stop_rule};
 use crate::strategy::partial_among;
 use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
@@ -142,6 +143,7 @@ pub(crate) fn solve_by_links(
         drop(store);
         threshold /= fall(links.error(&hierarchy, &brightness) / error);
         form_factors.cost += linking.refine(&mut links, threshold, &brightness);
+        admit_links(geometry, strategy, links.len())?;
         form_factors.time += clock.elapsed();
     }
 }

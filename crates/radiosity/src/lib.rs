@@ -27,7 +27,7 @@ pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;
 pub use hierarchical::HierarchicalReport;
 pub use mend::{Repair, mend, mend_dense};
-pub use predict::{Prediction, predict};
+pub use predict::{Alternative, Bytes, Change, Prediction, Size, admit, coarser, predict};
 pub use resolve::{Saving, Solved};
 pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_meshed, run_saved, solve_on};
 pub use saved::{FitError, FittedRows, SavedCell, SavedFormFactors};

@@ -110,6 +110,7 @@ impl<'a> Solved<'a> {
     /// [`RunError`] as [`crate::run`], and if the store of `strategy` holds nothing.
     pub fn new(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Self, RunError> {
         strategy.check()?;
+        crate::admit(scene, strategy)?;
         let clock = Instant::now();
         let geometry = Geometry::new(scene, &strategy.mesh)?;
         let meshing = Phase { time: clock.elapsed(), ..Phase::default() };

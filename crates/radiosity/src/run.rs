@@ -17,6 +17,7 @@ use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
+use crate::predict::{Alternative, Bytes, admit};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
 /// Why a run could not be made.
@@ -76,6 +77,16 @@ pub enum RunError {
         /// Name of the store.
         store: &'static str,
     },
+    /// The run would take more memory than it may.
+    #[error("this takes about {} of memory, and there are {}{}", Bytes(*.needed), Bytes(*.limit), instead(.alternative.as_deref()))]
+    Memory {
+        /// Bytes predicted.
+        needed: u64,
+        /// Bytes allowed.
+        limit: u64,
+        /// What fits, if anything does.
+        alternative: Option<Box<Alternative>>,
+    },
     /// Links cannot stand for these form factors.
     #[error(
         "links join elements of the full form by the analytic method, without repair; {rows} form factors need another store"
@@ -90,6 +101,11 @@ pub enum RunError {
         /// The value given.
         value: f64,
     },
+}
+
+fn instead(alternative: Option<&Alternative>) -> String {
+    let Some(Alternative { change, prediction, .. }) = alternative else { return String::new() };
+    format!("; with {change} it takes about {}", Bytes(prediction.peak_bytes))
 }
 
 /// A scene solved by a strategy.
@@ -209,6 +225,7 @@ impl Strategy {
 /// [`RunError`] if a setting is out of range, the solver cannot take the system or a store fails.
 pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Run<'a>, RunError> {
     strategy.check()?;
+    admit(scene, strategy)?;
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &strategy.mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
@@ -364,7 +381,7 @@ pub(crate) fn fill_checked<'r>(
     } else {
         // Rows that are summed to those of patches are all read.
         let kind = if strategy.shape == Shape::TwoLevel { Store::Dense } else { strategy.store };
-        (fill(rows, kind)?, clock.elapsed())
+        (fill(rows, kind, strategy.memory)?, clock.elapsed())
     };
     let form_factors = Phase { cost, time };
     let clock = Instant::now();

@@ -217,6 +217,8 @@ pub struct Strategy {
     pub forecast: usize,
     /// Seed of everything random.
     pub seed: u64,
+    /// Bytes that a run may take; it is refused before it begins if more are predicted.
+    pub memory: Option<u64>,
 }
 
 impl Strategy {
@@ -235,6 +237,7 @@ impl Strategy {
             verify: true,
             forecast: 0,
             seed: 1,
+            memory: None,
         }
     }
 }

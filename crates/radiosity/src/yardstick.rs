@@ -18,6 +18,7 @@ use radiosity_core::{BandValues, Cost, Direction, Form, FormFactors, RowBuf, Sna
 use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand};
 use radiosity_geometry::Scene;
 
+use crate::predict::{admit, admit_beside_exact};
 use crate::{ErrorMeasure, Geometry, GridValues, Method, Run, RunError, Shape, Strategy, mend_dense, rows};
 
 /// A strategy's run and how wrong it is.
@@ -100,12 +101,22 @@ impl<'a> Yardstick<'a> {
         })
     }
 
+    /// Refuses a strategy that would take too much memory together with every entry of its system, which is solved exactly to measure it.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError::Memory`], and [`RunError::Mesh`] if the settings make no mesh.
+    pub fn admits(scene: &Scene, strategy: &Strategy) -> Result<(), RunError> {
+        if strategy.casts_rays() { admit(scene, strategy) } else { admit_beside_exact(scene, strategy) }
+    }
+
     /// Runs `strategy` and measures it; with `history`, also its state at geometric steps.
     ///
     /// # Errors
     ///
     /// [`RunError`] as [`crate::run`].
     pub fn measure(&mut self, strategy: &Strategy, history: bool) -> Result<Measured<'a>, RunError> {
+        Self::admits(self.scene, strategy)?;
         let mut snapshots = Snapshots::every(1.5);
         let unwatched: &mut dyn radiosity_core::Observer = &mut ();
         let run = crate::run(self.scene, strategy, if history { &mut snapshots } else { unwatched })?;

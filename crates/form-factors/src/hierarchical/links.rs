@@ -131,6 +131,11 @@ impl Links {
         size_of_val(&self.links[..]) as u64
     }
 
+    /// Bytes of so many links.
+    pub fn bytes_of(links: u64) -> u64 {
+        size_of::<Link>() as u64 * links
+    }
+
     /// Estimated rms error of the irradiance of elements with this brightness, relative to its mean.
     ///
     /// ```text

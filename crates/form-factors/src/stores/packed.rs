@@ -136,7 +136,7 @@ impl<T: Entry> PackedFormFactors<T> {
 
     /// Bytes that a store of n rows keeps.
     pub fn bytes(n: usize) -> u64 {
-        Layout::new(n).entries() as u64 * size_of::<T>() as u64
+        Layout::entries_of(n).saturating_mul(size_of::<T>() as u64)
     }
 
     /// A_s F_st as it is kept.

@@ -54,6 +54,12 @@ impl Layout {
         layout
     }
 
+    /// Entries of the tiles of n rows, without listing them.
+    pub fn entries_of(n: usize) -> u64 {
+        let (whole, tile, last) = ((n / TILE) as u64, TILE as u64, (n % TILE).next_multiple_of(LANES) as u64);
+        tile * tile * (whole * (whole + 1) / 2) + whole * tile * last + last * last
+    }
+
     /// Rows of the matrix.
     pub fn n(&self) -> usize {
         self.n

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::{Facets, Occluders, Polygon, Scene};
 use contacts::Contacts;
 use quadtree::Path;
-use subdivide::{Grids, MAX_CELLS, grids};
+use subdivide::{Grids, MAX_CELLS, count, grids};
 
 pub use quadtree::{MAX_LEVEL, Neighbours};
 pub use refine::{Origin, Refined};
@@ -88,6 +88,36 @@ impl Element {
     pub fn same_leaf(&self, other: &Self) -> bool {
         let place = |e: &Self| (e.surface, e.i, e.j, e.level, e.path);
         place(self) == place(other)
+    }
+}
+
+/// How many cells and patches a mesh has before contacts cut or cover any of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshSize {
+    /// Cells: about as many as elements, some of which are parts of cells.
+    pub cells: u64,
+    /// Patches; as many as cells where every element is one of its own.
+    pub patches: u64,
+}
+
+impl MeshSize {
+    /// The size of the mesh that [`Mesh::new`] makes of these settings, without making it: O(faces).
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] as [`Mesh::new`].
+    pub fn of(scene: &Scene, settings: &MeshSettings) -> Result<Self, MeshError> {
+        settings.elements.check()?;
+        settings.patches.map_or(Ok(()), Subdivision::check)?;
+        let mut size = Self { cells: 0, patches: 0 };
+        for (_, face) in scene.pieces() {
+            let (cells, patches) = count(face, settings.elements, settings.patches)?;
+            (size.cells, size.patches) = (size.cells + cells, size.patches + patches);
+            if size.cells > MAX_CELLS {
+                return Err(MeshError::TooMany { cells: size.cells, limit: MAX_CELLS });
+            }
+        }
+        Ok(size)
     }
 }
 
@@ -219,6 +249,12 @@ impl Mesh {
             mesh.patch_facets = mesh.element_facets.clone();
         }
         Ok(mesh)
+    }
+
+    /// Bytes of a mesh of `elements` quadrilaterals and, unless every element is its own, of `patches`.
+    pub fn bytes_of(elements: u64, patches: Option<u64>) -> u64 {
+        let own = size_of::<Element>() + size_of::<usize>();
+        elements * own as u64 + Facets::bytes_of(elements + patches.unwrap_or(0))
     }
 
     fn empty() -> Self {

@@ -227,6 +227,53 @@ pub(super) struct Grids {
     pub(super) patches: Option<Piece>,
 }
 
+/// How a face is cut, before any of its cells is made.
+struct Layout {
+    /// Corners of its parts, with the divisions of elements and of patches.
+    parts: Vec<(Vec<DVec3>, Divisions, Option<Divisions>)>,
+    /// Whether the parts are one patch.
+    one_patch: bool,
+}
+
+/// How elements and patches cut a face of the scene.
+fn layout(face: &Polygon, elements: Subdivision, patches: Option<Subdivision>) -> Result<Layout, MeshError> {
+    let size = face.diameter();
+    let vertices = face.vertices();
+    let whole = vertices.len() <= 4 || (elements.along(size) == 1 && patches.is_none_or(|p| p.along(size) == 1));
+    // Quadrilaterals and at most one triangle, all from vertex 0.
+    let parts: Vec<Vec<DVec3>> = if whole {
+        vec![vertices.to_vec()]
+    } else {
+        let fan = |k: usize| [0, k, k + 1, k + 2].iter().filter_map(|&v| vertices.get(v)).copied().collect();
+        (1..vertices.len() - 1).step_by(2).map(fan).collect()
+    };
+    let one_patch = !whole && patches.is_some_and(|p| p.along(size) == 1);
+    // Without those of collinear vertices of the face.
+    let parts = parts.into_iter().filter(|corners| corners.len() > 4 || Polygon::new(corners).is_ok());
+    let divided = parts.map(|corners| {
+        let (fine, coarse) = divisions(&corners, elements, patches)?;
+        Ok((corners, fine, coarse))
+    });
+    Ok(Layout { parts: divided.collect::<Result<_, _>>()?, one_patch })
+}
+
+/// Cells and patches of a face, whatever touches it; cells too thin to have an area count.
+///
+/// # Errors
+///
+/// As [`grids`].
+pub(super) fn count(
+    face: &Polygon,
+    elements: Subdivision,
+    patches: Option<Subdivision>,
+) -> Result<(u64, u64), MeshError> {
+    let Layout { parts, one_patch } = layout(face, elements, patches)?;
+    let product = |(u, v): Divisions| u64::from(u) * u64::from(v);
+    let cells = parts.iter().map(|(_, fine, _)| product(*fine)).sum();
+    let coarse = parts.iter().map(|(_, fine, coarse)| product(coarse.unwrap_or(*fine))).sum();
+    Ok((cells, if one_patch { 1 } else { coarse }))
+}
+
 /// Grids of elements and patches on a face of the scene; columns are numbered from `offset` on.
 ///
 /// # Errors
@@ -239,26 +286,12 @@ pub(super) fn grids(
     patches: Option<Subdivision>,
     mut offset: u32,
 ) -> Result<Vec<Grids>, MeshError> {
-    let size = face.diameter();
-    let vertices = face.vertices();
-    let whole = vertices.len() <= 4 || (elements.along(size) == 1 && patches.is_none_or(|p| p.along(size) == 1));
-    // Quadrilaterals and at most one triangle, all from vertex 0.
-    let parts: Vec<Vec<DVec3>> = if whole {
-        vec![vertices.to_vec()]
-    } else {
-        let fan = |k: usize| [0, k, k + 1, k + 2].iter().filter_map(|&v| vertices.get(v)).copied().collect();
-        (1..vertices.len() - 1).step_by(2).map(fan).collect()
-    };
-    let one_patch = !whole && patches.is_some_and(|p| p.along(size) == 1);
+    let Layout { parts, one_patch } = layout(face, elements, patches)?;
     let mut all = Vec::with_capacity(parts.len());
-    for corners in parts {
-        if corners.len() < 5 && Polygon::new(&corners).is_err() {
-            continue; // Collinear vertices of the face.
-        }
-        let (fine, coarse) = divisions(&corners, elements, patches)?;
+    for (corners, fine, coarse) in parts {
         let mut piece = Piece { surface, face: face.clone(), corners, cells: fine, offset };
         let mut coarse = (!one_patch).then_some(coarse).flatten();
-        if piece.polygons().is_none() {
+        if !piece.indices().all(|(i, j)| Polygon::new(&piece.cell(i, j)).is_ok()) {
             // Too thin for its cells to have an area: it stays whole.
             piece.cells = (1, 1);
             coarse = coarse.map(|_| (1, 1));
