@@ -177,7 +177,7 @@ fn bounds_with_exact_emitters_cover_the_error() {
     let (occluders, exact) = (Occluders::of_facets(&facets), exact_rows(&facets));
     let (mut lights, mut emitters) = (Facets::new(), Vec::new());
     for members in [&[21, 22][..], &[50]] {
-        lights.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()).collect(), false);
+        lights.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()), false);
         emitters.push(Emitter { targets: members.iter().map(|&t| (t as u32, facets.area(t))).collect() });
     }
     let rays = RayCast::new(&facets, Receivers::facets(&facets), &occluders, 128, 2);
@@ -265,7 +265,7 @@ fn exact_emitters_replace_the_entry_of_the_light_and_keep_the_row_sum() {
     // The light is two elements of one face, known as one surface.
     let members = [9_usize, 10];
     let mut light = Facets::new();
-    light.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()).collect(), false);
+    light.push(members.iter().flat_map(|&t| facets.polygons(t).to_vec()), false);
     let analytic = Analytic::new(None);
     let targets = members.map(|t| (t as u32, facets.area(t))).to_vec();
     let pairs = PairwiseRows::new(&analytic, &facets, &light, 1e-10, 1);

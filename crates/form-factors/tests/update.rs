@@ -120,7 +120,7 @@ fn where_blockers_become_many_bodies_count_as_changed() {
 fn facing_pairs_are_what_rows_count() {
     let mut random = Random(17);
     let mut facets = Facets::new();
-    (0..70).for_each(|k| facets.push((0..1 + k % 3).map(|_| random.parallelogram(0.5)).collect(), false));
+    (0..70).for_each(|k| facets.push((0..1 + k % 3).map(|_| random.parallelogram(0.5)), false));
     let estimator = Analytic::new(None);
     let rows = PairwiseRows::new(&estimator, &facets, &facets, 1e-6, 1);
     let count = |first: usize| -> u64 {

@@ -333,3 +333,53 @@ impl std::fmt::Display for Bytes {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use radiosity_gallery::boxes::{material, unit_cube};
+
+    use super::*;
+
+    fn admitted(strategy: Strategy, limit: u64) -> Result<(), RunError> {
+        let scene = unit_cube(material("grey", 0.5, 1.0));
+        admit(&scene, &Strategy { memory: Some(limit), ..strategy })
+    }
+
+    fn changed(strategy: Strategy, limit: u64) -> Change {
+        let Err(RunError::Memory { alternative: Some(found), needed, .. }) = admitted(strategy, limit) else {
+            panic!("nothing else fits in {limit}")
+        };
+        assert!(found.prediction.peak_bytes <= limit && limit < needed, "{found:?}");
+        found.change
+    }
+
+    /// 6 × 40² elements: 737 MB of entries, half and a quarter of that in packed stores, and 8 MB of vectors.
+    #[test]
+    fn what_fits_and_is_nearest_to_what_was_asked_for_is_offered() {
+        let pairs = Strategy::new(Subdivision::Uniform(40), Method::ANALYTIC);
+        assert_eq!(admitted(pairs.clone(), 800_000_000), Ok(()));
+        assert_eq!(changed(pairs.clone(), 500_000_000), Change::Packed(Store::Packed));
+        assert_eq!(changed(pairs.clone(), 300_000_000), Change::Packed(Store::PackedSingle));
+        assert_eq!(changed(pairs, 100_000_000), Change::Links);
+        let rays = Strategy::new(Subdivision::Uniform(40), Method::RAY_CAST);
+        assert_eq!(changed(rays.clone(), 500_000_000), Change::Links);
+        assert_eq!(changed(rays, 8_000_000), Change::RaysOnDemand);
+    }
+
+    #[test]
+    fn a_coarser_mesh_is_the_finest_that_fits_and_nests_in_its_patches() {
+        let mut strategy = Strategy::new(Subdivision::Uniform(64), Method::RAY_CAST);
+        (strategy.shape, strategy.solver) = (Shape::ElementsToPatches, "gauss-seidel".to_owned());
+        strategy.mesh.patches = Some(Subdivision::Uniform(8));
+        let Change::Coarser(Subdivision::Uniform(k)) = changed(strategy.clone(), 40_000_000) else { panic!() };
+        assert!(k.is_multiple_of(8) && k < 64, "{k}");
+        strategy.mesh.elements = Subdivision::Uniform(k + 8);
+        assert!(admitted(strategy, 40_000_000).is_err());
+    }
+
+    #[test]
+    fn a_limit_below_everything_leaves_nothing_to_offer() {
+        let strategy = Strategy::new(Subdivision::Uniform(64), Method::ANALYTIC);
+        assert!(matches!(admitted(strategy, 1_000), Err(RunError::Memory { alternative: None, .. })));
+    }
+}

@@ -241,3 +241,26 @@ fn a_partition_across_a_room_is_a_line_of_the_mesh() {
         assert!((mesh.areas().iter().sum::<f64>() - scene.area()).abs() < 1e-12);
     }
 }
+
+/// With a triangle, a pentagon that is cut into two pieces, and faces of every length.
+#[test]
+fn cells_are_counted_without_making_them() {
+    let mut faces = cornell_box();
+    let at = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| DVec3::new(x, y, 10.0)).collect();
+    faces.push(at(&[(0., 700.), (400., 700.), (100., 1000.)]));
+    faces.push(at(&[(500., 700.), (600., 900.), (400., 1100.), (200., 900.), (250., 700.)]));
+    let scene = scene_of(&faces);
+    let length = |h: f64| Some(Subdivision::EdgeLength(h));
+    for (elements, patches) in [
+        (Subdivision::Uniform(1), None),
+        (Subdivision::Uniform(6), Some(Subdivision::Uniform(3))),
+        (Subdivision::Uniform(6), Some(Subdivision::Uniform(1))),
+        (Subdivision::EdgeLength(90.0), None),
+        (Subdivision::EdgeLength(40.0), length(130.0)),
+    ] {
+        let settings = MeshSettings { elements, patches, contacts: false };
+        let (size, mesh) = (MeshSize::of(&scene, &settings).unwrap(), mesh(&scene, &settings));
+        let counted = (size.cells as usize, size.patches as usize);
+        assert_eq!(counted, (mesh.cells(), mesh.patch_facets.len()), "{settings:?}");
+    }
+}
