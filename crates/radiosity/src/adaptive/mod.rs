@@ -27,7 +27,7 @@ use radiosity_core::{BandValues, Cost, Solution, StopRule, StoreError, System, s
 use radiosity_form_factors::stores::{MovableFormFactors, Source};
 use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
-use radiosity_geometry::{Facets, Occluders, Scene};
+use radiosity_geometry::{Facets, Scene};
 
 use crate::estimate::{build, patch_rows};
 use crate::run::named;
@@ -278,8 +278,7 @@ impl<'a> State<'a> {
         let clock = Instant::now();
         let store = std::mem::take(&mut self.store);
         let (geometry, ledger, numbers) = (&self.geometry, &self.ledger, &self.numbers);
-        let hits = Occluders::of_facets(geometry.patches());
-        let rows = patch_rows(geometry, ledger, &hits, self.method, self.seed)?;
+        let rows = patch_rows(geometry, ledger, self.method, self.seed)?;
         let n = geometry.patches().len();
         let is_part = |t: &usize| matches!(patches.map(|origins| origins[*t]), Some(Origin::Part(_)));
         let parts: Vec<usize> = (0..n).filter(is_part).collect();
@@ -287,7 +286,8 @@ impl<'a> State<'a> {
         parts.iter().for_each(|&t| facets.push(geometry.patches().polygons(t).to_vec(), false));
         let pairwise = matches!(self.method, Method::Analytic { .. }) && !parts.is_empty();
         let receivers = Receivers::facets(&facets);
-        let to_parts = || build(self.method, ledger, &facets, receivers, geometry.blockers(), || &hits, self.seed);
+        let hits = || geometry.patch_occluders();
+        let to_parts = || build(self.method, ledger, &facets, receivers, geometry.blockers(), hits, self.seed);
         let to_parts = if pairwise { Some(to_parts()?) } else { None };
         let columns = Columns { origins: patches.unwrap_or_default(), parts, rows: to_parts };
         let (store, cost) = store.rearranged(sources, n, |s, old, values| {
