@@ -174,12 +174,7 @@ fn direct_at_centres(geometry: &Geometry<'_>) -> BandValues {
 }
 
 /// What rays from the elements gather of the light that those of a solution reflect.
-fn indirect(
-    geometry: &Geometry<'_>,
-    from: &Fine<'_>,
-    rays: u32,
-    seed: u64,
-) -> Result<BandValues, Box<dyn Error>> {
+fn indirect(geometry: &Geometry<'_>, from: &Fine<'_>, rays: u32, seed: u64) -> Result<BandValues, Box<dyn Error>> {
     let mut sent = from.irradiance.clone();
     sent.values_mut().iter_mut().zip(from.geometry.reflectance().values()).for_each(|(h, rho)| *h *= rho);
     let (elements, bands) = (geometry.elements(), sent.count());

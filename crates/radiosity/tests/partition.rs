@@ -10,13 +10,9 @@ use radiosity_geometry::mesh::Subdivision;
 /// patches.
 const PLACES: [f64; 2] = [0.37 * 4.0, 4.0 / 3.0];
 
-const METHODS: [Method; 5] = [
-    Method::ANALYTIC,
-    Method::sampled(1e-6, 16),
-    Method::rays(256),
-    Method::RaysAndEmitters { rays: 256 },
-    Method::Hemicube { resolution: 32 },
-];
+/// Estimators that decide what blocks by geometry. Hemicubes guess it for what lies between the centres of their pixels.
+const METHODS: [Method; 4] =
+    [Method::ANALYTIC, Method::sampled(1e-6, 16), Method::rays(256), Method::RaysAndEmitters { rays: 256 }];
 
 /// A room parted at x by a sheet that has two sides; the wall at x = 0 is a light.
 fn parted(x: f64) -> Scene {
@@ -49,7 +45,7 @@ fn assert_parted(run: &Run<'_>, x: f64, name: &str) {
 }
 
 #[test]
-fn every_estimator_in_every_form_leaves_it_dark() {
+fn pairs_and_rays_leave_it_dark_in_every_form() {
     let forms = [
         (Shape::Full, "gauss-seidel"),
         (Shape::ElementsToPatches, "gauss-seidel"),

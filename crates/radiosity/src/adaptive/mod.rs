@@ -188,7 +188,7 @@ pub fn run_adaptive<'a>(
         let solved = state.solve(strategy)?;
         let clock = Instant::now();
         let variation = Variation::new(&state.geometry, &solved.irradiance);
-        let estimate = measure(&state, &solved, &variation, adaptive.goal, strategy.seed)?;
+        let estimate = measure(&state, &solved, &variation, adaptive, strategy.seed)?;
         state.estimating += clock.elapsed();
         state.rounds.push(Round { steps: solved.steps, estimate, ..state.round });
         let met = estimate.total() <= tolerance;
@@ -401,6 +401,9 @@ impl<'a> State<'a> {
     }
 }
 
+/// Error of the elements, in units of the tolerance, below which the mesh is nearly as fine as it has to be.
+const NEAR: f64 = 3.0;
+
 /// The next mesh, and where its elements and patches come from.
 struct Plan {
     elements: Vec<Origin>,
@@ -412,11 +415,15 @@ struct Plan {
 /// Rays a row, at most.
 const MOST_RAYS: u32 = 1 << 17;
 
-/// The method with as many rays as bring its noise below a third of the tolerance, if it takes more than half: errors of rows fall at
-/// least like N^(−1/2).
+/// Shares of the tolerance: noise beyond the first is brought below the second.
+const NOISE: [f64; 2] = [0.6, 0.5];
+
+/// The method with as many rays as its noise asks for, once the mesh is fine enough to tell: errors of rows fall at least like N^(−1/2).
 fn more_rays(method: Method, estimate: &ErrorEstimate, tolerance: f64) -> Method {
-    let Some(noise) = estimate.form_factors.filter(|&noise| noise > 0.5 * tolerance) else { return method };
-    let factor = (3.0 * noise / tolerance).powi(2).min(64.0);
+    let told = estimate.elements <= NEAR * tolerance;
+    let noise = estimate.form_factors.filter(|&noise| told && noise > NOISE[0] * tolerance);
+    let Some(noise) = noise else { return method };
+    let factor = (noise / (NOISE[1] * tolerance)).powi(2).min(64.0);
     let more = |rays: u32| ((f64::from(rays) * factor) as u32).next_power_of_two().min(MOST_RAYS).max(rays);
     match method {
         Method::RayCast { rays, error: None } => Method::rays(more(rays)),
