@@ -252,6 +252,7 @@ impl Experiment for Substructuring {
                     context.record(adaptive(&case.scene, (&truth, &pointwise), (tolerance, cut), profile)?);
                     context.tick(format!("adaptive {tolerance}"));
                 }
+                points::bounds(&pointwise, profile).into_iter().for_each(|bound| context.record(bound));
                 for points in &at_points {
                     context.record(points.record(&case.scene, (&pointwise, &truth), profile)?);
                     context.tick(points.key());
