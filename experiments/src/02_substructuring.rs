@@ -8,7 +8,8 @@
 //! blocks), with the same elements and n = m, m/4, m/16, m/64 patches, and with m growing at fixed n. On the Cornell box also elements
 //! and patches that are cut where the estimated error is, to given tolerances, with patches cut and with patches fixed; and what the same
 //! accuracy costs without patches, where rows of rays meet few elements of many: elements and rays varied together, with the worst cell and
-//! the signed bias of every face. Read: time against m·n; error against n and against time. Not shown: links between levels.
+//! the signed bias of every face. Errors at points, where what varies inside elements counts, are in `points`.
+//! Read: time against m·n; error against n and against time. Not shown: links between levels.
 
 use std::error::Error;
 
@@ -22,6 +23,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
 use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, record, times, times_of, value};
+use crate::points;
 use crate::truth::{Truth, pairs_truth};
 
 /// The experiment.
@@ -65,7 +67,12 @@ fn tolerances(profile: Profile) -> Vec<f64> {
 }
 
 /// An adaptive run over the report grid, whose patches are cut or stay as they are.
-fn adaptive(scene: &Scene, truth: &Truth, tolerance: f64, cut: bool) -> Result<Record, Box<dyn Error>> {
+fn adaptive(
+    scene: &Scene,
+    (truth, at_points): (&Truth, &Truth),
+    (tolerance, cut): (f64, bool),
+    profile: Profile,
+) -> Result<Record, Box<dyn Error>> {
     let plain = Strategy::new(Subdivision::Uniform(1), Method::exact(1e-6, 1e-4));
     let strategy = Strategy { shape: Shape::ElementsToPatches, solver: "gauss-seidel".to_owned(), ..plain };
     let mut settings = Adaptive::new(Goal::Cells(GRID), tolerance);
@@ -87,10 +94,11 @@ fn adaptive(scene: &Scene, truth: &Truth, tolerance: f64, cut: bool) -> Result<R
         .int("rounds", rounds.len())
         .int("elements", run.geometry.elements().len())
         .int("patches", run.geometry.patches().len())
-        .int("new_elements", sum(&|round| round.new_elements))
-        .int("rows_again", sum(&|round| round.rows_again))
+        .int("rows_new", sum(&|round| round.new_elements))
+        .int("rows_recomputed", sum(&|round| round.rows_again))
         .int("stored_bytes", run.stored_bytes)
         .float("error", error.rms)
+        .float("error_points", points::error(&run.geometry, &run.solution.irradiance, at_points, profile))
         .float("worst_cell", error.worst)
         .float("estimate", estimate.total())
         .float("estimated_senders", estimate.senders)
@@ -206,7 +214,9 @@ impl Experiment for Substructuring {
         let [varied_n, varied_m] = meshes(profile);
         let cases = cases(profile)?;
         let tolerances = tolerances(profile);
-        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len() + 2 * tolerances.len());
+        let at_points = points::cases(profile);
+        let others = rays(profile).len() + 2 * tolerances.len() + at_points.len();
+        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + others);
         for case in &cases {
             let truth = if case.name == "Cornell box" {
                 cornell_truth(context, &case.scene)?
@@ -237,9 +247,15 @@ impl Experiment for Substructuring {
                 }
             }
             if case.name == "Cornell box" {
+                let pointwise = points::truth(&case.scene, profile)?;
                 for (&tolerance, cut) in tolerances.iter().flat_map(|t| [(t, true), (t, false)]) {
-                    context.record(adaptive(&case.scene, &truth, tolerance, cut)?);
+                    context.record(adaptive(&case.scene, (&truth, &pointwise), (tolerance, cut), profile)?);
                     context.tick(format!("adaptive {tolerance}"));
+                }
+                points::bounds(&pointwise, profile).into_iter().for_each(|bound| context.record(bound));
+                for points in &at_points {
+                    context.record(points.record(&case.scene, (&pointwise, &truth), profile)?);
+                    context.tick(points.key());
                 }
             }
         }
@@ -309,6 +325,7 @@ impl Experiment for Substructuring {
                 .panel(refined("patches", "patches n"))
                 .panel(refined("form_factors", "form factors"))
                 .panel(refined("time", "time")),
+            points::figure(tables),
         ]
     }
 
@@ -358,10 +375,11 @@ impl Experiment for Substructuring {
                 last.number("elements"),
                 last.number("patches"),
                 numbers::percent(last.number("error")),
-                last.number("new_elements"),
-                last.number("rows_again"),
+                last.number("rows_new"),
+                last.number("rows_recomputed"),
             ));
         }
+        reading.extend(points::reading(tables));
         let shoot = rows("patches-to-elements");
         if let (Some(full), Some(some)) = (rows("full").first(), shoot.get(1)) {
             reading.push(format!(

@@ -8,6 +8,7 @@ mod form_factors;
 mod parametric;
 #[path = "01_patches.rs"]
 mod patches;
+mod points;
 #[path = "05_progressive.rs"]
 mod progressive;
 #[path = "07_scale.rs"]

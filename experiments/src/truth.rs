@@ -8,14 +8,16 @@
 use std::error::Error;
 
 use radiosity::{Geometry, GridValues, Method, Store, Strategy};
-use radiosity_core::{BandValues, Form, StopRule, System, solve};
+use radiosity_core::{BandValues, Form, StopRule, StoreError, System, solve};
 use radiosity_form_factors::analytic::Analytic;
+use radiosity_form_factors::point::form_factors_from;
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_form_factors::stores::DenseFormFactors;
-use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
+use radiosity_form_factors::{PairwiseRows, Receivers, Rows, SparseRow};
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 use radiosity_geometry::{Facets, Scene};
 use radiosity_solvers::GaussSeidel;
+use rayon::prelude::*;
 
 /// How fine a reference is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,6 +131,64 @@ pub fn truth(scene: &Scene, fineness: Fineness, cells: u32) -> Result<Truth, Box
     let half = fine(scene, fineness.half(), 2)?;
     let error = GridValues::means(&half.geometry, &half.irradiance, cells)?.error(&grid).rms;
     Ok(Truth { grid, error })
+}
+
+/// The reference of `scene` at `points` × `points` points of every piece of every surface: direct light is exact at each point; indirect light
+/// comes by `rays` rays from the cell of the point to the elements of a solution of the given fineness.
+///
+/// # Errors
+///
+/// As [`fine`].
+pub fn points_truth(scene: &Scene, fineness: Fineness, points: u32, rays: u32) -> Result<Truth, Box<dyn Error>> {
+    let mesh = MeshSettings { elements: Subdivision::Uniform(points), patches: None, contacts: true };
+    let cells = Geometry::new(scene, &mesh)?;
+    let direct = direct_at_centres(&cells);
+    let gathered = |fineness: Fineness, rays: u32, seed: u64| -> Result<GridValues, Box<dyn Error>> {
+        let mut irradiance = indirect(&cells, &fine(scene, fineness, seed)?, rays, seed)?;
+        irradiance.values_mut().iter_mut().zip(direct.values()).for_each(|(h, direct)| *h += direct);
+        Ok(GridValues::points(&cells, &irradiance, points))
+    };
+    let grid = gathered(fineness, rays, 1)?;
+    let error = gathered(fineness.half(), rays / 2, 2)?.error(&grid).rms;
+    Ok(Truth { grid, error })
+}
+
+/// Direct light at the centroids of the elements.
+fn direct_at_centres(geometry: &Geometry<'_>) -> BandValues {
+    let (elements, (emitters, surfaces)) = (geometry.elements(), geometry.emitters());
+    let (bands, m) = (geometry.scene().bands(), elements.len());
+    let blockers = geometry.blockers().polygons();
+    let at = |e: usize| {
+        let polygon = &elements.polygons(e)[0];
+        form_factors_from(polygon.centroid(), polygon.normal(), emitters, blockers)
+    };
+    let factors: Vec<Vec<f64>> = (0..m).into_par_iter().map(at).collect();
+    let mut direct = BandValues::zeros(bands, m);
+    for (k, &surface) in surfaces.iter().enumerate() {
+        let emission = &geometry.scene().materials[geometry.scene().surfaces[surface as usize].material].emission;
+        for (band, e) in emission.iter().enumerate() {
+            direct.band_mut(band).iter_mut().zip(&factors).for_each(|(h, factors)| *h += e * factors[k]);
+        }
+    }
+    direct
+}
+
+/// What rays from the elements gather of the light that those of a solution reflect.
+fn indirect(geometry: &Geometry<'_>, from: &Fine<'_>, rays: u32, seed: u64) -> Result<BandValues, Box<dyn Error>> {
+    let mut sent = from.irradiance.clone();
+    sent.values_mut().iter_mut().zip(from.geometry.reflectance().values()).for_each(|(h, rho)| *h *= rho);
+    let (elements, bands) = (geometry.elements(), sent.count());
+    let receivers = Receivers::facets(from.geometry.elements());
+    let rows = RayCast::new(elements, receivers, from.geometry.element_occluders(), rays, seed);
+    let gather = |e: usize| -> Result<Vec<f64>, StoreError> {
+        let mut row = SparseRow::default();
+        rows.sparse_row(e, &mut row)?;
+        let sum = |band: usize| row.entries.iter().map(|&(t, f)| f * sent.band(band)[t as usize]).sum::<f64>();
+        Ok((0..bands).map(|band| sum(band) / elements.area(e)).collect())
+    };
+    let gathered: Vec<Vec<f64>> = (0..elements.len()).into_par_iter().map(gather).collect::<Result<_, _>>()?;
+    let values = (0..bands).flat_map(|band| gathered.iter().map(move |h| h[band]));
+    Ok(BandValues::new(values.collect(), gathered.len()))
 }
 
 /// The reference of a scene in which nothing blocks: analytic pairs on a fine mesh, against half as many elements along an edge.

@@ -45,17 +45,17 @@ pub fn rows<'a>(
     with_emitters(geometry, method, form, (sources, targets), receivers, hits, seed)
 }
 
-/// Rows of `method` from any facets of the scene of `geometry` to its patches, at which rays end; `hits` are those patches as blockers.
+/// Rows of `method` from any facets of the scene of `geometry` to its patches, at which rays end.
 pub(crate) fn patch_rows<'a>(
     geometry: &'a Geometry<'_>,
     sources: &'a Facets,
-    hits: &'a Occluders,
     method: Method,
     seed: u64,
 ) -> Result<Box<dyn Rows + 'a>, RunError> {
     let patches = geometry.patches();
     let form = Form::ElementsToPatches;
-    with_emitters(geometry, method, form, (sources, patches), Receivers::facets(patches), || hits, seed)
+    let hits = || geometry.patch_occluders();
+    with_emitters(geometry, method, form, (sources, patches), Receivers::facets(patches), hits, seed)
 }
 
 pub(crate) fn with_emitters<'a>(

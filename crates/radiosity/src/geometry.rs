@@ -15,6 +15,7 @@ pub struct Geometry<'a> {
     mesh: Mesh,
     blockers: Arc<Occluders>,
     element_occluders: OnceLock<Occluders>,
+    patch_occluders: OnceLock<Occluders>,
     /// Mesh element of every exposed element.
     exposed: Vec<u32>,
     elements: Facets,
@@ -69,8 +70,21 @@ impl<'a> Geometry<'a> {
         }
         let (patches, elements) = (mesh.patch_facets.select(&exposed_patches), mesh.element_facets.select(&exposed));
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
-        let (element_occluders, emitters) = (OnceLock::new(), emitters(scene));
-        Self { scene, mesh, blockers, element_occluders, exposed, elements, patches, exposed_patches, parent, emitters }
+        let (element_occluders, patch_occluders) = (OnceLock::new(), OnceLock::new());
+        let emitters = emitters(scene);
+        Self {
+            scene,
+            mesh,
+            blockers,
+            element_occluders,
+            patch_occluders,
+            exposed,
+            elements,
+            patches,
+            exposed_patches,
+            parent,
+            emitters,
+        }
     }
 
     /// The scene.
@@ -119,6 +133,17 @@ impl<'a> Geometry<'a> {
             let faces = self.mesh.faces();
             let carriers: Vec<u32> = self.exposed.iter().map(|&e| faces[e as usize]).collect();
             Occluders::of_parts(self.scene, &self.elements, &carriers)
+        })
+    }
+
+    /// As [`Self::element_occluders`], with the patch in which a hit lies as its owner.
+    pub(crate) fn patch_occluders(&self) -> &Occluders {
+        self.patch_occluders.get_or_init(|| {
+            let faces = self.mesh.faces();
+            let mut face = vec![0; self.patches.len()];
+            self.exposed.iter().zip(&self.parent).for_each(|(&e, &p)| face[p as usize] = faces[e as usize]);
+            let carriers: Vec<u32> = self.patches.iter_polygons().map(|(p, _)| face[p]).collect();
+            Occluders::of_parts(self.scene, &self.patches, &carriers)
         })
     }
 

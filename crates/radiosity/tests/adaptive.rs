@@ -182,37 +182,6 @@ fn a_hard_shadow_ends_within_one_of_the_finest_elements() {
     assert!((250..=270).contains(&crossing), "{crossing}");
 }
 
-/// A partition across a room at a place that no line of the grid has, and light on one side.
-#[test]
-fn behind_a_closed_partition_it_is_exactly_dark() {
-    let x = 0.37 * 4.0;
-    let mut loops: Vec<(Vec<DVec3>, usize)> = faces(DVec3::ZERO, DVec3::splat(4.0), true)
-        .into_iter()
-        .map(|f| (f.clone(), usize::from(f.iter().all(|v| v.x == 0.0))))
-        .collect();
-    let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(y, z)| DVec3::new(x, y, z));
-    loops.extend(sheet(corners).map(|f| (f, 0)));
-    let scene = scene_of_loops(&loops, vec![material("room", 0.7, 0.0), material("light", 0.2, 5.0)]);
-    for method in [Method::ANALYTIC, Method::RaysAndEmitters { rays: 256 }] {
-        let settings = Adaptive { most_elements: 2000, ..Adaptive::new(Goal::Points, 0.05) };
-        let run = adaptive(&scene, method, &settings).run;
-        let (mut dark, mut lit) = (0, 0);
-        for (e, h) in run.solution.irradiance.band(0).iter().enumerate() {
-            let polygon = &run.geometry.elements().polygons(e)[0];
-            let (lo, hi) = polygon.bounds();
-            let behind = lo.x > x - 1e-9 && (hi.x > x + 1e-9 || polygon.normal().x > 0.5);
-            if behind {
-                assert_eq!(*h, 0.0, "{} at {}", method.name(), polygon.centroid());
-                dark += 1;
-            } else {
-                assert!(*h > 0.0, "{} at {}", method.name(), polygon.centroid());
-                lit += 1;
-            }
-        }
-        assert!(dark > 50 && lit > 50);
-    }
-}
-
 /// Steeper than a tenth of the mean level from one element to the next: cut until they are not.
 #[test]
 fn the_gradient_criterion_levels_the_steps_between_elements() {

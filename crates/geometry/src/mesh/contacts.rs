@@ -31,6 +31,33 @@ impl Line {
     }
 }
 
+/// A convex part of a face, and the finer cells that nest in it, each with its number.
+///
+/// A line that ends inside a part is lengthened to the part's boundary, for the cells as well, so that they go on to nest.
+pub(super) struct Part {
+    pub(super) polygon: Polygon,
+    pub(super) cells: Vec<(usize, Polygon)>,
+}
+
+impl Part {
+    /// Both sides of a line, of which the part itself is `left` and `right`.
+    fn halved(self, line: &Line, left: Polygon, right: Polygon) -> [Self; 2] {
+        let [mut left, mut right] = [left, right].map(|polygon| Self { polygon, cells: Vec::new() });
+        let across = self.polygon.normal().cross(line.b - line.a).normalize_or_zero();
+        for (number, cell) in self.cells {
+            match cell.split(line.a, across, SLIVER * cell.diameter()) {
+                Some((l, r)) if l.area().min(r.area()) > SLIVER * cell.area() => {
+                    left.cells.push((number, l));
+                    right.cells.push((number, r));
+                }
+                _ if (cell.centroid() - line.a).dot(across) > 0.0 => left.cells.push((number, cell)),
+                _ => right.cells.push((number, cell)),
+            }
+        }
+        [left, right]
+    }
+}
+
 /// Contacts of a scene.
 pub(super) struct Contacts<'a> {
     occluders: &'a Occluders,
@@ -61,17 +88,17 @@ impl<'a> Contacts<'a> {
         lines
     }
 
-    /// The parts of each cell of a face, cut along the lines.
-    pub(super) fn cut(&self, cells: Vec<Polygon>, lines: &[Line]) -> Vec<Vec<Polygon>> {
-        let boxes = BoxTree::new(&cells);
-        let areas: Vec<f64> = cells.iter().map(Polygon::area).collect();
-        let mut parts: Vec<Vec<Polygon>> = cells.into_iter().map(|c| vec![c]).collect();
+    /// The parts of each cell of a face, cut along the lines together with what nests in it.
+    pub(super) fn cut(&self, cells: Vec<Part>, lines: &[Line]) -> Vec<Vec<Part>> {
+        let boxes = BoxTree::new(cells.iter().map(|cell| cell.polygon.bounds()));
+        let areas: Vec<f64> = cells.iter().map(|cell| cell.polygon.area()).collect();
+        let mut parts: Vec<Vec<Part>> = cells.into_iter().map(|c| vec![c]).collect();
         for line in lines {
             boxes.visit(line, CONTACT * self.diagonal, &mut |cell| {
                 let mut after = Vec::with_capacity(parts[cell].len() + 1);
                 for part in parts[cell].drain(..) {
-                    match self.split(&part, line, areas[cell]) {
-                        Some((left, right)) => after.extend([left, right]),
+                    match self.split(&part.polygon, line, areas[cell]) {
+                        Some((left, right)) => after.extend(part.halved(line, left, right)),
                         None => after.push(part),
                     }
                 }
@@ -162,8 +189,8 @@ pub(super) struct BoxTree {
 }
 
 impl BoxTree {
-    pub(super) fn new(cells: &[Polygon]) -> Self {
-        let mut levels = vec![cells.iter().map(Polygon::bounds).collect::<Vec<_>>()];
+    pub(super) fn new(cells: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+        let mut levels = vec![cells.collect::<Vec<_>>()];
         while levels[levels.len() - 1].len() > 1 {
             let union = |pair: &[(DVec3, DVec3)]| pair.iter().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
             let next = levels[levels.len() - 1].chunks(2).filter_map(union).collect();

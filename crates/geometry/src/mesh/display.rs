@@ -18,7 +18,7 @@ impl Mesh {
     pub fn without_cracks(&self) -> Vec<Vec<DVec3>> {
         let polygons: Vec<Polygon> =
             (0..self.elements.len()).map(|e| self.element_facets.polygons(e)[0].clone()).collect();
-        let boxes = BoxTree::new(&polygons);
+        let boxes = BoxTree::new(polygons.iter().map(Polygon::bounds));
         let (lo, hi) = crate::polygon::bounds(polygons.iter().flat_map(Polygon::vertices).copied());
         let slack = ON_EDGE * lo.distance(hi);
         let closed = |polygon: &Polygon| {

@@ -13,7 +13,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{Facets, Occluders, Polygon, Scene};
-use contacts::Contacts;
+use contacts::{Contacts, Line, Part};
 use quadtree::Path;
 use subdivide::{Grids, MAX_CELLS, count, grids};
 
@@ -124,9 +124,9 @@ impl MeshSize {
 /// Elements and patches of a scene.
 ///
 /// A cell (surface, i, j) is one element, or several where it is cut at a contact or refined: it is the root of a quadtree
-/// whose leaves are whole elements, or several where they are cut. A patch of which a part is covered is two
-/// patches, one of the parts that see something and one, covered, of the rest: so a patch's area is always the sum
-/// of its elements' areas.
+/// whose leaves are whole elements, or several where they are cut. Patches end at contacts too: one that a line of contact
+/// passes is several, and so are the cells that the line, lengthened to the bounds of the patch, passes there. So elements
+/// nest, a patch sees or is covered as a whole, and its area is the sum of its elements' areas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     /// Elements in the order of surfaces, pieces, rows, columns and nodes of a cell's quadtree.
@@ -155,11 +155,6 @@ struct Parts {
 }
 
 impl Parts {
-    /// Cells that are not cut.
-    fn whole(cells: Vec<Polygon>) -> Self {
-        Self { begins: (0..=cells.len()).collect(), polygons: cells }
-    }
-
     fn of(cut: Vec<Vec<Polygon>>) -> Self {
         let mut begins = vec![0];
         begins.extend(cut.iter().scan(0, |end, parts| {
@@ -180,12 +175,10 @@ struct FaceCells {
     grids: Vec<Grids>,
     /// Parts of every cell, piece by piece.
     elements: Parts,
-    /// The patch of every cell.
+    /// The patch of every part; none if every element is its own.
     parents: Vec<usize>,
-    /// Patches before any cut.
+    /// Patches as lines of contact bound them.
     patches: Vec<Polygon>,
-    /// Lines along which patches would be cut.
-    lines: Vec<contacts::Line>,
 }
 
 impl Mesh {
@@ -225,11 +218,10 @@ impl Mesh {
         // Cells and their parts; which of them are covered.
         let contacts = Contacts::new(occluders, scene.diagonal());
         let contacts = settings.contacts.then_some(&contacts);
-        let face_cells: Vec<FaceCells> = face_grids
-            .into_par_iter()
-            .enumerate()
-            .map(|(k, grids)| FaceCells::new(faces[k].1, grids, contacts.map(|c| (c, c.lines(k)))))
-            .collect();
+        let has_patches = settings.patches.is_some();
+        let of_face =
+            |(k, grids): (usize, _)| FaceCells::new(faces[k].1, grids, has_patches, contacts.map(|c| (c, c.lines(k))));
+        let face_cells: Vec<FaceCells> = face_grids.into_par_iter().enumerate().map(of_face).collect();
         let parts: Vec<&Polygon> = face_cells.iter().flat_map(|f| &f.elements.polygons).collect();
         let covered: Vec<bool> = parts.par_iter().map(|p| contacts.is_some_and(|c| c.covered(p))).collect();
 
@@ -238,7 +230,7 @@ impl Mesh {
         for (k, face) in face_cells.into_iter().enumerate() {
             mesh.surface_begins.resize(faces[k].0 + 1, mesh.face_begins.len());
             mesh.face_begins.push(mesh.pieces.len());
-            mesh.push_face(face, contacts, &mut covered, settings.patches.is_some());
+            mesh.push_face(face, &mut covered);
         }
         mesh.surface_begins.resize(scene.surfaces.len() + 1, mesh.face_begins.len());
         mesh.face_begins.push(mesh.pieces.len());
@@ -271,43 +263,37 @@ impl Mesh {
     }
 
     /// Numbers the elements and patches of a face.
-    fn push_face(
-        &mut self,
-        face: FaceCells,
-        contacts: Option<&Contacts<'_>>,
-        covered: &mut impl Iterator<Item = bool>,
-        has_patches: bool,
-    ) {
+    fn push_face(&mut self, face: FaceCells, covered: &mut impl Iterator<Item = bool>) {
         let flags: Vec<Vec<bool>> =
             face.elements.iter().map(|parts| covered.by_ref().take(parts.len()).collect()).collect();
 
-        // Patches: [open, covered] of every one that has such elements.
+        // Patches: what is open of every one, and what is covered.
+        let mut sides = vec![[Vec::new(), Vec::new()]; face.patches.len()];
+        for ((part, &patch), &covered) in face.elements.polygons.iter().zip(&face.parents).zip(flags.iter().flatten()) {
+            sides[patch][usize::from(covered)].push(part);
+        }
         let mut numbers = vec![[None; 2]; face.patches.len()];
-        if has_patches {
-            for (cell, flags) in flags.iter().enumerate() {
-                flags.iter().for_each(|&f| numbers[face.parents[cell]][usize::from(f)] = Some(0));
-            }
-            for (p, number) in numbers.iter_mut().enumerate() {
-                let polygons = face.patch_parts(p, &flags, contacts, number.map(|n| n.is_some()));
-                for (side, (polygons, number)) in polygons.into_iter().zip(number).enumerate() {
-                    if number.is_some() {
-                        *number = Some(self.patch_facets.len() as u32);
-                        self.patch_facets.push(polygons, side == 1);
-                    }
-                }
+        for ((patch, sides), numbers) in face.patches.iter().zip(sides).zip(&mut numbers) {
+            // Between lines of contact all is open or all is covered, but for what rounding made of tangled ones.
+            let mixed = sides.iter().all(|side| !side.is_empty());
+            for (side, elements) in sides.into_iter().enumerate().filter(|(_, elements)| !elements.is_empty()) {
+                numbers[side] = Some(self.patch_facets.len() as u32);
+                let polygons = if mixed { elements.into_iter().cloned().collect() } else { vec![patch.clone()] };
+                self.patch_facets.push(polygons, side == 1);
             }
         }
 
         // Elements.
-        let mut cells = face.elements.iter().zip(flags).zip(&face.parents);
+        let mut parents = face.parents.iter();
+        let mut cells = face.elements.iter().zip(flags);
         for grid in face.grids {
             let piece = grid.elements;
             self.cell_begins.push(self.element_begins.len());
-            for ((i, j), ((parts, flags), &patch)) in piece.indices().zip(&mut cells) {
+            for ((i, j), (parts, flags)) in piece.indices().zip(&mut cells) {
                 self.element_begins.push(self.elements.len());
                 for (part, covered) in parts.iter().zip(flags) {
                     let own = self.elements.len() as u32;
-                    let parent = numbers.get(patch).and_then(|n| n[usize::from(covered)]).unwrap_or(own);
+                    let parent = parents.next().and_then(|&patch| numbers[patch][usize::from(covered)]).unwrap_or(own);
                     let (surface, i) = (piece.surface, piece.offset() + i);
                     self.elements.push(Element { surface, i, j, parent, covered, level: 0, path: Path::ROOT });
                     self.element_facets.push([part.clone()], covered);
@@ -411,68 +397,60 @@ fn depth(polygon: &Polygon, point: DVec3) -> f64 {
 }
 
 impl FaceCells {
-    fn new(face: &Polygon, grids: Vec<Grids>, contacts: Option<(&Contacts<'_>, Vec<contacts::Line>)>) -> Self {
-        let (mut cells, mut parents, mut patches) = (Vec::new(), Vec::new(), Vec::new());
+    fn new(face: &Polygon, grids: Vec<Grids>, has_patches: bool, contacts: Option<(&Contacts<'_>, Vec<Line>)>) -> Self {
+        // Patches with the cells that nest in them; without patches cells in which nothing nests.
+        let (mut coarse, mut cells) = (Vec::new(), 0);
+        let whole = |polygon: Polygon| Part { polygon, cells: Vec::new() };
         for grid in &grids {
             let piece = &grid.elements;
             // Pieces whose cells have no area are left whole by `grids`.
-            cells.extend(piece.polygons().into_iter().flatten());
-            match &grid.patches {
-                Some(coarse) => {
-                    let base = patches.len();
-                    patches.extend(coarse.polygons().into_iter().flatten());
-                    let parent = |(i, j)| piece.parent_in(coarse, i, j);
-                    parents.extend(piece.indices().map(parent).map(|(i, j)| base + coarse.position(i, j)));
+            let polygons = piece.polygons().into_iter().flatten();
+            let numbered = (cells..).zip(polygons);
+            cells += piece.len();
+            if !has_patches {
+                coarse.extend(numbered.map(|(_, polygon)| whole(polygon)));
+                continue;
+            }
+            let first = match &grid.patches {
+                Some(patches) => {
+                    coarse.extend(patches.polygons().into_iter().flatten().map(whole));
+                    coarse.len() - patches.len()
                 }
                 None => {
-                    if patches.is_empty() {
-                        patches.push(face.clone());
+                    if coarse.is_empty() {
+                        coarse.push(whole(face.clone()));
                     }
-                    parents.extend(piece.indices().map(|_| 0));
+                    0
                 }
+            };
+            for ((i, j), cell) in piece.indices().zip(numbered) {
+                let of = grid.patches.as_ref().map_or(0, |patches| {
+                    let (i, j) = piece.parent_in(patches, i, j);
+                    patches.position(i, j)
+                });
+                coarse[first + of].cells.push(cell);
             }
         }
-        let (elements, lines) = match contacts {
-            Some((contacts, lines)) if !lines.is_empty() => (Parts::of(contacts.cut(cells, &lines)), lines),
-            _ => (Parts::whole(cells), Vec::new()),
+        let parts: Vec<Vec<Part>> = match contacts {
+            Some((contacts, lines)) if !lines.is_empty() => contacts.cut(coarse, &lines),
+            _ => coarse.into_iter().map(|part| vec![part]).collect(),
         };
-        Self { grids, elements, parents, patches, lines }
-    }
-
-    /// Open and covered polygons of patch p, given which of the two kinds its elements have.
-    fn patch_parts(
-        &self,
-        p: usize,
-        flags: &[Vec<bool>],
-        contacts: Option<&Contacts<'_>>,
-        [open, covered]: [bool; 2],
-    ) -> [Vec<Polygon>; 2] {
-        let whole = vec![self.patches[p].clone()];
-        let (Some(contacts), true, true) = (contacts, open, covered) else {
-            return if covered { [Vec::new(), whole] } else { [whole, Vec::new()] };
-        };
-        let mut sides = [Vec::new(), Vec::new()];
-        for part in contacts.cut(whole, &self.lines).into_iter().flatten() {
-            let side = usize::from(contacts.covered(&part));
-            sides[side].push(part);
+        if !has_patches {
+            let elements =
+                parts.into_iter().map(|parts| parts.into_iter().map(|part| part.polygon).collect()).collect();
+            return Self { grids, elements: Parts::of(elements), parents: Vec::new(), patches: Vec::new() };
         }
-        // The few large parts serve if they tell the same as the elements; otherwise the elements themselves do.
-        let mut areas = [0.0; 2];
-        let children = || self.elements.iter().zip(flags).zip(&self.parents).filter(|(_, parent)| **parent == p);
-        for ((parts, flags), _) in children() {
-            parts.iter().zip(flags).for_each(|(part, &flag)| areas[usize::from(flag)] += part.area());
-        }
-        let agrees = |side: usize| {
-            let area: f64 = sides[side].iter().map(Polygon::area).sum();
-            (area - areas[side]).abs() <= 1e-9 * (areas[0] + areas[1])
-        };
-        if !(agrees(0) && agrees(1)) {
-            sides = [Vec::new(), Vec::new()];
-            for ((parts, flags), _) in children() {
-                parts.iter().zip(flags).for_each(|(part, &flag)| sides[usize::from(flag)].push(part.clone()));
+        let (mut elements, mut parents) = (vec![Vec::new(); cells], vec![Vec::new(); cells]);
+        let mut patches = Vec::new();
+        for part in parts.into_iter().flatten() {
+            for (cell, polygon) in part.cells {
+                elements[cell].push(polygon);
+                parents[cell].push(patches.len());
             }
+            patches.push(part.polygon);
         }
-        sides
+        let (elements, parents) = (Parts::of(elements), parents.into_iter().flatten().collect());
+        Self { grids, elements, parents, patches }
     }
 }
 

@@ -7,7 +7,7 @@
 //! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e (F_ep v_p min(1, s_p/d_ep))²
 //! ```
 //!
-//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep. The fewest patches are cut that carry half of Σ E_p²; one
+//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep. The fewest patches are cut that carry three quarters of Σ E_p²; one
 //! whose elements are all in one node gets finer elements first, to be cut along. Of elements as many are cut as carry what has to go: cutting divides ε² by
 //! four where H is smooth (bulk criterion; W. Dörfler, SIAM J. Numer. Anal. 33, 1996). What is *not* here: whether it is needed.
 
@@ -21,7 +21,7 @@ use super::variation::Variation;
 use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
 
 /// Share of Σ E_p² that the patches to be cut carry.
-const BULK: f64 = 0.5;
+const BULK: f64 = 0.75;
 /// Largest share of the error that the elements to be cut carry: what is left over may have gone by itself.
 const MOST: f64 = 0.75;
 /// Least part of the tolerance that elements are refined to, as squares: the rest is for other errors.

@@ -21,13 +21,13 @@ use radiosity_geometry::Facets;
 use rayon::prelude::*;
 
 use super::variation::Variation;
-use super::{Goal, State};
+use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
 use crate::{Method, RunError};
 
-/// Probes, and rays of each.
+/// Probes, and rays of each: few tell what senders cost, in which their noise cancels, more what that of other rows is.
 const PROBES: usize = 128;
-const RAYS: u32 = 2048;
+const RAYS: [u32; 2] = [512, 2048];
 
 /// Parts of the estimated rms error of irradiance, relative to its mean level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,7 +72,7 @@ pub(super) fn measure(
     state: &State<'_>,
     solved: &Solution,
     variation: &Variation,
-    goal: Goal,
+    adaptive: &Adaptive,
     seed: u64,
 ) -> Result<ErrorEstimate, RunError> {
     let areas = state.geometry.elements().areas();
@@ -80,7 +80,7 @@ pub(super) fn measure(
     if level == 0.0 {
         return Ok(ErrorEstimate { solver: Some(0.0), ..ErrorEstimate::default() });
     }
-    let cells = match goal {
+    let cells = match adaptive.goal {
         Goal::Cells(k) => Some(cell_areas(state, k)),
         Goal::Points => None,
     };
@@ -90,10 +90,12 @@ pub(super) fn measure(
 
     let emitted: f64 = power(&areas, &state.geometry.emission());
     let reflected = power(&areas, &solved.radiosity) / emitted;
-    let probed = probe(state, solved, variation, seed, &averaged)?;
     let noisy = !matches!(state.method, Method::Analytic { .. });
+    let elements = (inside / total).sqrt() / level;
+    let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
+    let probed = probe(state, solved, variation, (rays, seed), &averaged)?;
     Ok(ErrorEstimate {
-        elements: (inside / total).sqrt() / level,
+        elements,
         senders: reflected * probed.senders.sqrt() / level,
         form_factors: noisy.then(|| probed.rows.sqrt() / level),
         solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
@@ -115,7 +117,7 @@ fn probe(
     state: &State<'_>,
     solved: &Solution,
     variation: &Variation,
-    seed: u64,
+    (rays, seed): (u32, u64),
     averaged: &(dyn Fn(usize) -> f64 + Sync),
 ) -> Result<Probed, RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
@@ -144,7 +146,7 @@ fn probe(
         .collect();
 
     let receivers = Receivers::facets(fine.elements());
-    let method = Method::RaysAndEmitters { rays: RAYS };
+    let method = Method::RaysAndEmitters { rays };
     let targets = (&sources, fine.elements());
     // Rays of their own: not those of the rows that are tested.
     let rows = with_emitters(&fine, method, Form::Full, targets, receivers, || fine.element_occluders(), !seed)?;

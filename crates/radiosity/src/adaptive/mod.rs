@@ -27,7 +27,7 @@ use radiosity_core::{BandValues, Cost, Solution, StopRule, StoreError, System, s
 use radiosity_form_factors::stores::{MovableFormFactors, Source};
 use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
-use radiosity_geometry::{Facets, Occluders, Scene};
+use radiosity_geometry::{Facets, Scene};
 
 use crate::estimate::{build, patch_rows};
 use crate::run::named;
@@ -188,7 +188,7 @@ pub fn run_adaptive<'a>(
         let solved = state.solve(strategy)?;
         let clock = Instant::now();
         let variation = Variation::new(&state.geometry, &solved.irradiance);
-        let estimate = measure(&state, &solved, &variation, adaptive.goal, strategy.seed)?;
+        let estimate = measure(&state, &solved, &variation, adaptive, strategy.seed)?;
         state.estimating += clock.elapsed();
         state.rounds.push(Round { steps: solved.steps, estimate, ..state.round });
         let met = estimate.total() <= tolerance;
@@ -278,8 +278,7 @@ impl<'a> State<'a> {
         let clock = Instant::now();
         let store = std::mem::take(&mut self.store);
         let (geometry, ledger, numbers) = (&self.geometry, &self.ledger, &self.numbers);
-        let hits = Occluders::of_facets(geometry.patches());
-        let rows = patch_rows(geometry, ledger, &hits, self.method, self.seed)?;
+        let rows = patch_rows(geometry, ledger, self.method, self.seed)?;
         let n = geometry.patches().len();
         let is_part = |t: &usize| matches!(patches.map(|origins| origins[*t]), Some(Origin::Part(_)));
         let parts: Vec<usize> = (0..n).filter(is_part).collect();
@@ -287,7 +286,8 @@ impl<'a> State<'a> {
         parts.iter().for_each(|&t| facets.push(geometry.patches().polygons(t).to_vec(), false));
         let pairwise = matches!(self.method, Method::Analytic { .. }) && !parts.is_empty();
         let receivers = Receivers::facets(&facets);
-        let to_parts = || build(self.method, ledger, &facets, receivers, geometry.blockers(), || &hits, self.seed);
+        let hits = || geometry.patch_occluders();
+        let to_parts = || build(self.method, ledger, &facets, receivers, geometry.blockers(), hits, self.seed);
         let to_parts = if pairwise { Some(to_parts()?) } else { None };
         let columns = Columns { origins: patches.unwrap_or_default(), parts, rows: to_parts };
         let (store, cost) = store.rearranged(sources, n, |s, old, values| {
@@ -401,6 +401,9 @@ impl<'a> State<'a> {
     }
 }
 
+/// Error of the elements, in units of the tolerance, below which the mesh is nearly as fine as it has to be.
+const NEAR: f64 = 3.0;
+
 /// The next mesh, and where its elements and patches come from.
 struct Plan {
     elements: Vec<Origin>,
@@ -412,11 +415,15 @@ struct Plan {
 /// Rays a row, at most.
 const MOST_RAYS: u32 = 1 << 17;
 
-/// The method with as many rays as bring its noise below a third of the tolerance, if it takes more than half: errors of rows fall at
-/// least like N^(−1/2).
+/// Shares of the tolerance: noise beyond the first is brought below the second.
+const NOISE: [f64; 2] = [0.6, 0.5];
+
+/// The method with as many rays as its noise asks for, once the mesh is fine enough to tell: errors of rows fall at least like N^(−1/2).
 fn more_rays(method: Method, estimate: &ErrorEstimate, tolerance: f64) -> Method {
-    let Some(noise) = estimate.form_factors.filter(|&noise| noise > 0.5 * tolerance) else { return method };
-    let factor = (3.0 * noise / tolerance).powi(2).min(64.0);
+    let told = estimate.elements <= NEAR * tolerance;
+    let noise = estimate.form_factors.filter(|&noise| told && noise > NOISE[0] * tolerance);
+    let Some(noise) = noise else { return method };
+    let factor = (noise / (NOISE[1] * tolerance)).powi(2).min(64.0);
     let more = |rays: u32| ((f64::from(rays) * factor) as u32).next_power_of_two().min(MOST_RAYS).max(rays);
     match method {
         Method::RayCast { rays, error: None } => Method::rays(more(rays)),
