@@ -210,7 +210,7 @@ impl Strategy {
 pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Run<'a>, RunError> {
     strategy.check()?;
     let clock = Instant::now();
-    let geometry = Geometry::new(scene, &strategy.mesh)?;
+    let geometry = Geometry::of_strategy(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     if let Store::Hierarchical { error, direct } = strategy.store {
         let made = solve_by_links(&geometry, strategy, (error, direct), observer)?;
