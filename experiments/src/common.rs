@@ -38,7 +38,7 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
 pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     // Longest edge of an element, in the box's millimetres.
-    let length = context.profile().pick(70.0, 28.0, 10.0);
+    let length = context.profile().pick(35.0, 28.0, 10.0);
     let file = folder.join(format!("cornell-pairs-{length}.csv"));
     match read_truth(&file) {
         Ok(known) => Ok(known),
