@@ -133,7 +133,7 @@ impl<'a> Solved<'a> {
     ///
     /// Whatever changed, the answer is that of a run from nothing, within the bounds of both; a `scene` that did not change keeps its answer.
     /// With `repair`, a move computes everything: entries that were scaled to close other rows are not those of the new scene. With
-    /// rays and exact emitters so does a change of which surfaces emit, or after a move shine, since rows are made for them.
+    /// rays and exact emitters so does a change of which surfaces emit or shine, since rows are made for them.
     ///
     /// # Errors
     ///
@@ -146,8 +146,6 @@ impl<'a> Solved<'a> {
         let maps = Maps::new(before, &geometry);
         let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
         let same_method = match strategy.method {
-            // Rows made for surfaces that used to shine are as true as others; after a move all rows are to be of one kind.
-            Method::RaysAndEmitters { .. } if change.moved.is_empty() => before.emitters().1 == geometry.emitters().1,
             Method::RaysAndEmitters { .. } => before.senders().1 == geometry.senders().1,
             _ => true,
         };
