@@ -14,7 +14,7 @@ use radiosity_render::{Camera, Exposure, Image, View, ViewSettings};
 use radiosity_experiments::{Context, Profile, REFERENCES, Record, Row};
 use radiosity_plot::fit::PowerLaw;
 
-use crate::truth::{Fineness, Truth, truth};
+use crate::truth::{Truth, nested_pairs_truth};
 
 /// Cells of the report grid along an edge of a face.
 pub const GRID: u32 = 8;
@@ -34,20 +34,16 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
     scene
 }
 
-/// How fine the reference of the Cornell box is: elements and patches along an edge of a face, rays and segments.
-fn fineness(profile: Profile) -> [u32; 4] {
-    profile.pick([8, 8, 128, 64], [16, 16, 1024, 256], [48, 24, 4096, 1024])
-}
-
 /// The reference of the Cornell box, kept beside the results so that experiments share it.
 pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
-    let [elements, patches, rays, segments] = fineness(context.profile());
-    let file = folder.join(format!("cornell-{elements}-{patches}-{rays}-{segments}.csv"));
+    // Longest edge of an element, in the box's millimetres.
+    let length = context.profile().pick(35.0, 28.0, 10.0);
+    let file = folder.join(format!("cornell-pairs-{length}.csv"));
     match read_truth(&file) {
         Ok(known) => Ok(known),
         Err(_) => {
-            let known = truth(scene, Fineness::uniform(elements, patches, rays, segments), GRID)?;
+            let known = nested_pairs_truth(scene, length, GRID)?;
             std::fs::create_dir_all(&folder)?;
             write_truth(&file, &known)?;
             Ok(known)

@@ -228,6 +228,9 @@ fn write_table(args: &CompareArgs, compared: &[Compared<'_>]) -> Result<(), Fail
         "form_factor_error",
         "error",
         "worst_cell",
+        "worst_surface",
+        "worst_i",
+        "worst_j",
     ])?;
     for c in compared {
         let s = &c.strategy;
@@ -242,10 +245,12 @@ fn write_table(args: &CompareArgs, compared: &[Compared<'_>]) -> Result<(), Fail
                 record.extend(counts.map(|n| n.to_string()));
                 let errors = [m.solver_error, m.form_factor_error, m.error.rms, m.error.worst];
                 record.extend(errors.map(|e| format!("{e:e}")));
+                let at = m.error.worst_cell.map(|at| [at.surface, at.i, at.j].map(|index| index.to_string()));
+                record.extend(at.unwrap_or_default());
             }
             Err(why) => {
                 record.push(format!("not run: {why}"));
-                record.resize(16, String::new());
+                record.resize(19, String::new());
             }
         }
         table.write_record(&record)?;

@@ -225,6 +225,7 @@ pub fn error(error: &ErrorMeasure) -> Value {
     json!({
         "rms": error.rms,
         "worst_cell": error.worst,
+        "worst_cell_at": error.worst_cell.map(|at| json!({ "surface": at.surface, "i": at.i, "j": at.j })),
         "mean_irradiance": error.level,
         "bias_per_surface": error.biases.iter().map(|b| json!({ "surface": b.surface, "bias": b.bias })).collect::<Vec<_>>(),
     })

@@ -248,8 +248,17 @@ fn compare_measures_every_strategy_and_writes_table_and_plot() {
     assert!(strategies.len() >= 10, "{}", strategies.len());
     // cg on rows of rays stays in the table, with the reason.
     assert!(strategies.iter().any(|s| s["not_run"].as_str().is_some_and(|why| why.contains("symmetric"))));
+    // Every run names its worst cell, of the 8 × 8 on one of the two squares, and the bias of both.
+    for total in strategies.iter().map(|s| &s["errors"]["total"]).filter(|total| !total.is_null()) {
+        let at = |index: &str| total["worst_cell_at"][index].as_u64().unwrap();
+        assert!(at("surface") < 2 && at("i") < 8 && at("j") < 8, "{total}");
+        assert_eq!(total["bias_per_surface"].as_array().unwrap().len(), 2);
+    }
     let csv = folder.read("comparison/comparison.csv");
     assert_eq!(csv.lines().count(), strategies.len() + 1);
+    let columns = |line: &str| line.split(',').count();
+    assert!(csv.lines().next().unwrap().ends_with("worst_cell,worst_surface,worst_i,worst_j"));
+    assert!(csv.lines().all(|line| columns(line) >= 19));
     assert!(folder.read("comparison/comparison.svg").contains("<svg"));
 }
 

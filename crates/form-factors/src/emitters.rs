@@ -8,7 +8,8 @@
 //! ```
 //!
 //! and the entries of all other targets are scaled by one factor, so that the row keeps its sum. An entry that moves by Δ is off by at
-//! most |Δ| more than before, one that is a whole emitter by no more than its pair: the bound of the row follows. What is *not*
+//! most |Δ| more than before, one that is a whole emitter by no more than its pair: the bound of the row follows. Surfaces that are bright by
+//! reflection may be named as well; nothing here asks where their light comes from. What is *not*
 //! here: the choice of what counts as an emitter, and shares within an emitter that are exact.
 
 use radiosity_core::{Cost, StoreError};

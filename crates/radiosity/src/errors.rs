@@ -40,6 +40,17 @@ pub struct SurfaceBias {
     pub bias: f64,
 }
 
+/// A cell of a report grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CellPlace {
+    /// Its surface.
+    pub surface: u32,
+    /// Its column.
+    pub i: u32,
+    /// Its row.
+    pub j: u32,
+}
+
 /// How far one grid of values is from another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorMeasure {
@@ -47,8 +58,8 @@ pub struct ErrorMeasure {
     pub rms: f64,
     /// Largest |H − H*| of a cell and band over the mean level.
     pub worst: f64,
-    /// Where the worst is.
-    pub worst_cell: usize,
+    /// Where the worst is; `None` where no cell differs.
+    pub worst_cell: Option<CellPlace>,
     /// Mean level ⟨H*⟩ of the reference.
     pub level: f64,
     /// Signed bias of every surface.
@@ -128,7 +139,7 @@ impl GridValues {
         let (bands, cells) = (self.values.count(), self.areas.len());
         assert_eq!((truth.values.count(), truth.areas.len()), (bands, cells), "grids of the same shape");
         let level = truth.level();
-        let (mut square, mut worst, mut worst_cell) = (0.0, 0.0, 0);
+        let (mut square, mut worst, mut worst_cell) = (0.0, 0.0, None);
         let last = self.surfaces.iter().max().map_or(0, |&s| s as usize + 1);
         let mut per_surface = vec![(0.0, 0.0); last];
         for b in 0..bands {
@@ -136,7 +147,8 @@ impl GridValues {
                 let (area, difference) = (self.areas[c], self.values.band(b)[c] - truth.values.band(b)[c]);
                 square += area * difference * difference;
                 if difference.abs() > worst {
-                    (worst, worst_cell) = (difference.abs(), c);
+                    let (i, j) = self.indices[c];
+                    (worst, worst_cell) = (difference.abs(), Some(CellPlace { surface: self.surfaces[c], i, j }));
                 }
                 let (sum, weight) = &mut per_surface[self.surfaces[c] as usize];
                 *sum += area * difference;
@@ -177,7 +189,8 @@ mod tests {
         let error = grid(&[1.2, 3.0, 1.6]).error(&grid(&[1.0, 3.0, 2.0]));
         assert!((error.level - 2.0).abs() < 1e-15);
         assert!((error.rms - 0.15).abs() < 1e-15);
-        assert!((error.worst - 0.2).abs() < 1e-15 && error.worst_cell == 2);
+        assert!((error.worst - 0.2).abs() < 1e-15);
+        assert_eq!(error.worst_cell, Some(CellPlace { surface: 1, i: 0, j: 0 }));
         let biases: Vec<f64> = error.biases.iter().map(|b| b.bias).collect();
         assert!((biases[0] - 0.05).abs() < 1e-15 && (biases[1] + 0.2).abs() < 1e-15);
     }
@@ -185,6 +198,6 @@ mod tests {
     #[test]
     fn two_dark_grids_do_not_differ() {
         let error = grid(&[0.0; 3]).error(&grid(&[0.0; 3]));
-        assert_eq!((error.rms, error.worst, error.biases[1].bias), (0.0, 0.0, 0.0));
+        assert_eq!((error.rms, error.worst, error.worst_cell, error.biases[1].bias), (0.0, 0.0, None, 0.0));
     }
 }

@@ -72,9 +72,8 @@ pub(crate) fn with_emitters<'a>(
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
         let blockers = geometry.blockers();
         let analytic = analytic(blockers, partial_among(blockers.len(), tolerance));
-        let pairs = PairwiseRows::new(analytic, sources, geometry.emitters().0, tolerance, seed);
-        let emitters = emitters(geometry, form, targets);
-        return Ok(Box::new(ExactEmitters::new(rays, pairs, emitters)));
+        let pairs = PairwiseRows::new(analytic, sources, geometry.senders().0, tolerance, seed);
+        return Ok(Box::new(ExactEmitters::new(rays, pairs, senders(geometry, form, targets))));
     }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
 }
@@ -98,8 +97,8 @@ pub(crate) fn analytic(blockers: &Occluders, partial: PartialVisibility) -> Anal
 /// leave each entry uncertain by 6 over their number, and a light may be a few hundred times as bright as what it lights.
 const EMITTER_ERROR: f64 = 0.01;
 
-/// The targets that each emitting surface is made of.
-fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {
+/// The targets that each surface with exact totals is made of.
+fn senders(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {
     // The surface of a patch is that of its elements.
     let mut surface_of = vec![0; targets.len()];
     for (e, surface) in geometry.surfaces().into_iter().enumerate() {
@@ -110,7 +109,7 @@ fn emitters(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitte
         let of_surface = (0..targets.len()).filter(|&t| surface_of[t] == surface);
         Emitter { targets: of_surface.map(|t| (t as u32, targets.area(t))).collect() }
     };
-    geometry.emitters().1.iter().map(|&surface| members(surface)).collect()
+    geometry.senders().1.iter().map(|&surface| members(surface)).collect()
 }
 
 /// Form factors between cells, each a list of polygons: rows of a matrix file. `elements` are single polygons, `cell`

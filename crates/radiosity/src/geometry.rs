@@ -6,6 +6,9 @@ use radiosity_core::BandValues;
 use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings};
 use radiosity_geometry::{Facets, Occluders, Scene};
 
+use crate::Strategy;
+use crate::senders::shining;
+
 /// A scene, its mesh, and the facets that take part in the exchange of light.
 ///
 /// Elements inside solids (a floor under a block) are no unknowns: they stay in the mesh, for output, and out of
@@ -24,19 +27,23 @@ pub struct Geometry<'a> {
     exposed_patches: Vec<u32>,
     parent: Vec<u32>,
     emitters: (Facets, Vec<u32>),
+    senders: OnceLock<(Facets, Vec<u32>)>,
 }
 
 /// Surfaces that emit, each as one facet, with the index of each surface.
 fn emitters(scene: &Scene) -> (Facets, Vec<u32>) {
-    let (mut facets, mut indices) = (Facets::new(), Vec::new());
-    for (s, surface) in scene.surfaces.iter().enumerate() {
-        let emits = scene.materials[surface.material].emission.iter().any(|&e| e > 0.0);
-        if emits && !surface.pieces.is_empty() {
-            facets.push(surface.pieces.clone(), false);
-            indices.push(s as u32);
-        }
-    }
-    (facets, indices)
+    let emits = |s: &u32| {
+        let surface = &scene.surfaces[*s as usize];
+        scene.materials[surface.material].emission.iter().any(|&e| e > 0.0) && !surface.pieces.is_empty()
+    };
+    whole((0..scene.surfaces.len() as u32).filter(emits).collect(), scene)
+}
+
+/// Surfaces, each as one facet, with the index of each.
+fn whole(surfaces: Vec<u32>, scene: &Scene) -> (Facets, Vec<u32>) {
+    let mut facets = Facets::new();
+    surfaces.iter().for_each(|&s| facets.push(scene.surfaces[s as usize].pieces.clone(), false));
+    (facets, surfaces)
 }
 
 impl<'a> Geometry<'a> {
@@ -47,6 +54,19 @@ impl<'a> Geometry<'a> {
     /// [`MeshError`] if the settings make no mesh.
     pub fn new(scene: &'a Scene, settings: &MeshSettings) -> Result<Self, MeshError> {
         let mesh = Mesh::new(scene, &Occluders::of_scene(scene), settings)?;
+        Ok(Self::of_mesh(scene, mesh, Arc::new(Occluders::blocking(scene))))
+    }
+
+    /// Meshes `scene` as `strategy` says.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the settings make no mesh.
+    pub fn of_strategy(scene: &'a Scene, strategy: &Strategy) -> Result<Self, MeshError> {
+        let mut mesh = Mesh::new(scene, &Occluders::of_scene(scene), &strategy.mesh)?;
+        for _ in 0..strategy.contact_level {
+            mesh = mesh.refined(&mesh.cut_by_contacts()).mesh;
+        }
         Ok(Self::of_mesh(scene, mesh, Arc::new(Occluders::blocking(scene))))
     }
 
@@ -71,7 +91,7 @@ impl<'a> Geometry<'a> {
         let (patches, elements) = (mesh.patch_facets.select(&exposed_patches), mesh.element_facets.select(&exposed));
         let parent = exposed.iter().map(|&e| number[mesh.elements[e as usize].parent as usize]).collect();
         let (element_occluders, patch_occluders) = (OnceLock::new(), OnceLock::new());
-        let emitters = emitters(scene);
+        let (emitters, senders) = (emitters(scene), OnceLock::new());
         Self {
             scene,
             mesh,
@@ -84,6 +104,7 @@ impl<'a> Geometry<'a> {
             exposed_patches,
             parent,
             emitters,
+            senders,
         }
     }
 
@@ -150,6 +171,17 @@ impl<'a> Geometry<'a> {
     /// Surfaces that emit, each as one facet, with the index of each surface.
     pub fn emitters(&self) -> (&Facets, &[u32]) {
         (&self.emitters.0, &self.emitters.1)
+    }
+
+    /// The emitters, and the few surfaces that shine by their light: those of which rows of rays get exact totals
+    /// ([`Method::RaysAndEmitters`](crate::Method::RaysAndEmitters)). Found when first needed.
+    pub fn senders(&self) -> (&Facets, &[u32]) {
+        let (facets, surfaces) = self.senders.get_or_init(|| {
+            let emitters = self.emitters();
+            let shining = shining(self.scene, emitters, &self.blockers);
+            whole(emitters.1.iter().copied().chain(shining).collect(), self.scene)
+        });
+        (facets, surfaces)
     }
 
     /// Surface of every exposed element.

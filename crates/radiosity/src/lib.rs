@@ -17,12 +17,13 @@ mod predict;
 mod resolve;
 mod run;
 mod saved;
+mod senders;
 mod strategy;
 mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
-pub use errors::{ErrorMeasure, GridValues, SurfaceBias};
+pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;
 pub use hierarchical::HierarchicalReport;

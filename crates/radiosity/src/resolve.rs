@@ -112,7 +112,7 @@ impl<'a> Solved<'a> {
         strategy.check()?;
         crate::admit(scene, strategy)?;
         let clock = Instant::now();
-        let geometry = Geometry::new(scene, &strategy.mesh)?;
+        let geometry = Geometry::of_strategy(scene, strategy)?;
         let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
         let (store, known) = filled(&geometry, None, strategy)?;
         let whole = known.form_factors.cost.form_factors;
@@ -134,7 +134,7 @@ impl<'a> Solved<'a> {
     ///
     /// Whatever changed, the answer is that of a run from nothing, within the bounds of both; a `scene` that did not change keeps its answer.
     /// With `repair`, a move computes everything: entries that were scaled to close other rows are not those of the new scene. With
-    /// rays and exact emitters so does a change of which surfaces emit, since rows are made for them.
+    /// rays and exact emitters so does a change of which surfaces emit or shine, since rows are made for them.
     ///
     /// # Errors
     ///
@@ -143,11 +143,11 @@ impl<'a> Solved<'a> {
         let (strategy, before) = (&self.strategy, &self.run.geometry);
         let change = scene.change_from(before.scene())?;
         let clock = Instant::now();
-        let geometry = Geometry::new(scene, &strategy.mesh)?;
+        let geometry = Geometry::of_strategy(scene, strategy)?;
         let maps = Maps::new(before, &geometry);
         let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
         let same_method = match strategy.method {
-            Method::RaysAndEmitters { .. } => before.emitters().1 == geometry.emitters().1,
+            Method::RaysAndEmitters { .. } => before.senders().1 == geometry.senders().1,
             _ => true,
         };
         let (store, known, whole) = if change.moved.is_empty() && same_method {
@@ -307,9 +307,9 @@ impl<'u> Update<'u> {
             }
             Method::RayCast { .. } | Method::Hemicube { .. } => entries,
             Method::RaysAndEmitters { .. } => {
-                let (emitters, _) = after.emitters();
+                let (senders, _) = after.senders();
                 let all: Vec<u32> = (0..sources.len() as u32).collect();
-                entries + facing_pairs(sources, emitters, &all, &[])
+                entries + facing_pairs(sources, senders, &all, &[])
             }
         }
     }

@@ -227,7 +227,7 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     strategy.check()?;
     admit(scene, strategy)?;
     let clock = Instant::now();
-    let geometry = Geometry::new(scene, &strategy.mesh)?;
+    let geometry = Geometry::of_strategy(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     run_meshed(geometry, meshing, strategy, observer)
 }

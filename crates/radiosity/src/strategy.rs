@@ -24,7 +24,8 @@ pub enum Method {
         /// Standard error of a row at which no more rays are cast, see [`RayCast::until`].
         error: Option<f64>,
     },
-    /// Row-wise by `rays` rays a source, with exact totals towards every emitting surface.
+    /// Row-wise by `rays` rays a source, with exact totals towards every emitting surface and the few that shine by their light
+    /// ([`Geometry::senders`](crate::Geometry::senders)).
     RaysAndEmitters {
         /// Rays a source.
         rays: u32,
@@ -196,6 +197,9 @@ impl Shape {
 pub struct Strategy {
     /// Elements and patches.
     pub mesh: MeshSettings,
+    /// How often the elements that a contact cuts are halved along both directions, those beside them as balance needs: what a solid
+    /// darkens at its foot varies within less than an element.
+    pub contact_level: u8,
     /// Estimator of form factors.
     pub method: Method,
     /// What is kept of them.
@@ -227,6 +231,7 @@ impl Strategy {
         let solver = if matches!(method, Method::Analytic { .. }) { "cg" } else { "gauss-seidel" };
         Self {
             mesh: MeshSettings { elements, patches: None, contacts: true },
+            contact_level: 0,
             method,
             store: Store::Dense,
             shape: Shape::Full,

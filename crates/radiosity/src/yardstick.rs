@@ -175,7 +175,7 @@ impl<'a> Yardstick<'a> {
         // On symmetric rows both directions are one system.
         let (repair, seed) = (strategy.repair, strategy.seed);
         let turned = form == Form::Full && direction == Direction::Shoot && !rows.symmetric() && !repair;
-        let key = format!("{:?} {form:?} {:?} {seed} {turned} {repair}", strategy.mesh, strategy.method);
+        let key = format!("{} {:?} {seed} {turned} {repair}", on_mesh(strategy, form), strategy.method);
         if self.last.as_ref().is_none_or(|(last, _)| *last != key) {
             let (mut store, _) = DenseFormFactors::assemble(&*rows)?;
             if repair {
@@ -212,7 +212,7 @@ impl<'a> Yardstick<'a> {
     fn best_solution(&mut self, geometry: &Geometry<'_>, strategy: &Strategy) -> Result<Option<GridValues>, RunError> {
         // Gathering from patches, shooting from them and two levels are one system with exact form factors.
         let form = if strategy.shape == Shape::Full { Form::Full } else { Form::ElementsToPatches };
-        let key = format!("{:?} {form:?}", strategy.mesh);
+        let key = on_mesh(strategy, form);
         if let Some(known) = self.best_on.get(&key) {
             return Ok(Some(known.clone()));
         }
@@ -253,6 +253,11 @@ impl<'a> Yardstick<'a> {
         }
         Ok((square / weight).sqrt() / (level / weight))
     }
+}
+
+/// A name for the mesh of a strategy and the form on it.
+fn on_mesh(strategy: &Strategy, form: Form) -> String {
+    format!("{:?} {} {form:?}", strategy.mesh, strategy.contact_level)
 }
 
 /// H = (B − E)/ρ of a snapshot with B = x + r as sampled; on black elements, which show nothing of H, that of the end.

@@ -272,7 +272,9 @@ fn every_store_that_holds_and_every_form_is_updated() {
 /// Rows are kept whole: those of the cells that look away from the shelf in its old and new place, where the seed of a row is as it was.
 #[test]
 fn rows_that_look_away_from_a_change_are_kept() {
-    let scene = room();
+    // A black shelf shines neither here nor there.
+    let mut scene = room();
+    scene.materials[2].reflectance.fill(0.0);
     let after = moved(&scene, &[9], DVec3::new(0.0, 0.7, 0.2));
     for method in [Method::rays(64), Method::RaysAndEmitters { rays: 64 }, Method::Hemicube { resolution: 16 }] {
         let strategy = Strategy { solver: "gauss-seidel".into(), method, ..strategy(2) };
@@ -280,6 +282,16 @@ fn rows_that_look_away_from_a_change_are_kept() {
         // The ceiling lamp and its neighbours see the shelf; the plate that looks away from it, and itself from below, do not.
         assert!(saving.rows < saving.of_rows, "{method:?}: {saving}");
     }
+}
+
+/// Moved under the lamp, the shelf is one of the surfaces whose totals are exact.
+#[test]
+fn what_begins_to_shine_is_a_new_target_for_rays_with_exact_emitters() {
+    let scene = room();
+    let after = moved(&scene, &[9], DVec3::new(0.0, 0.7, 0.2));
+    let method = Method::RaysAndEmitters { rays: 64 };
+    let (_, saving) = after_change(&scene, &after, &Strategy { solver: "gauss-seidel".into(), method, ..strategy(2) });
+    assert_eq!(saving.form_factors, saving.of_form_factors);
 }
 
 #[test]

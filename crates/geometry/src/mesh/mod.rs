@@ -318,6 +318,12 @@ impl Mesh {
         (0..self.face_begins.len() - 1).flat_map(face).collect()
     }
 
+    /// Whether each element is a part of a cell, or of a leaf of its quadtree, that a contact cuts.
+    pub fn cut_by_contacts(&self) -> Vec<bool> {
+        let leaves = self.elements.chunk_by(Element::same_leaf);
+        leaves.flat_map(|parts| std::iter::repeat_n(parts.len() > 1, parts.len())).collect()
+    }
+
     /// Areas of the elements.
     pub fn areas(&self) -> Vec<f64> {
         self.element_facets.areas()

@@ -290,3 +290,30 @@ fn cells_are_counted_without_making_them() {
         assert_eq!(counted, (mesh.cells(), mesh.patch_facets.len()), "{settings:?}");
     }
 }
+
+/// A cube of side 2 on the middle of a floor of 4 × 4 unit cells. Aligned with the grid it cuts none. Turned by half a right angle its foot is
+/// |x| + |y| < √2, which cuts the four cells around the middle and two beyond each of them along an axis.
+#[test]
+fn cells_that_a_contact_cuts_are_told_from_others() {
+    let turned = |angle: f64| {
+        let mut faces = vec![quad(
+            DVec3::new(-2.0, -2.0, 0.0),
+            DVec3::new(2.0, -2.0, 0.0),
+            DVec3::new(2.0, 2.0, 0.0),
+            DVec3::new(-2.0, 2.0, 0.0),
+        )];
+        let turn = glam::DMat3::from_rotation_z(angle);
+        for mut face in cube(2.0) {
+            face.reverse(); // fronts outward
+            face.iter_mut().for_each(|v| *v = turn * (*v + DVec3::Z));
+            faces.push(face);
+        }
+        let mesh = mesh(&scene_of(&faces), &settings(4, None));
+        let cut = mesh.cut_by_contacts();
+        let on_floor = (0..cut.len()).filter(|&e| mesh.elements[e].surface == 0);
+        on_floor.filter(|&e| cut[e]).map(|e| mesh.element_facets.area(e)).sum::<f64>()
+    };
+    assert_eq!(turned(0.0), 0.0);
+    let area = turned(std::f64::consts::FRAC_PI_4);
+    assert!((area - 12.0).abs() < 1e-9, "{area}");
+}
