@@ -5,6 +5,7 @@
 mod contacts;
 mod display;
 mod quadtree;
+pub mod reconstruction;
 mod refine;
 mod report_grid;
 mod subdivide;
@@ -13,11 +14,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{Facets, Occluders, Polygon, Scene};
-use contacts::Contacts;
+use contacts::{Contacts, Partitions};
 use quadtree::Path;
 use subdivide::{Grids, MAX_CELLS, grids};
 
 pub use quadtree::{MAX_LEVEL, Neighbours};
+pub use reconstruction::{Place, Reconstruction};
 pub use refine::{Origin, Refined};
 pub use report_grid::{ReportCell, ReportGrid};
 pub use subdivide::{Piece, Subdivision};
@@ -115,6 +117,8 @@ pub struct Mesh {
     cell_begins: Vec<usize>,
     /// First element of every cell, and the number of elements.
     element_begins: Vec<usize>,
+    /// What stands on every face of the scene; empty if contacts were not looked for.
+    partitions: Vec<Partitions>,
 }
 
 /// Cells of one face before they are numbered.
@@ -203,6 +207,7 @@ impl Mesh {
             surface_begins: Vec::new(),
             cell_begins: Vec::new(),
             element_begins: Vec::new(),
+            partitions: Vec::new(),
         }
     }
 
@@ -214,6 +219,7 @@ impl Mesh {
         covered: &mut impl Iterator<Item = bool>,
         has_patches: bool,
     ) {
+        self.partitions.extend(contacts.map(|contacts| contacts.partitions(&face.lines)));
         let flags: Vec<Vec<bool>> =
             face.elements.iter().map(|parts| covered.by_ref().take(parts.len()).collect()).collect();
 
