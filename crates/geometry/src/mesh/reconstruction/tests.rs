@@ -148,3 +148,54 @@ fn speed() {
     let s: f64 = (0..40).map(|_| few.iter().map(|&(e, x)| { let p = linear.place(e, x); linear.value(&p, 0) + linear.value(&p, 1) + linear.value(&p, 2) }).sum::<f64>()).sum();
     println!("cached {} points {:?} {s}", 40 * few.len(), t.elapsed());
 }
+
+/// Shares of elements on the dark side of a line, and what the reconstruction makes of them.
+#[test]
+fn steps() {
+    for (k, angle, at) in [(16, 0.0, 0.5), (16, 0.0, 0.52), (16, 0.0, 0.53), (16, 0.0, 0.55), (16, 0.3, 0.52), (16, 0.7854, 0.7), (32, 0.3, 0.52), (32, 1.1, 0.55), (32, 1.1, 0.5)] {
+        let mesh = mesh_of(&scene_of(&[square()]), k);
+        let (s, c) = f64::sin_cos(angle);
+        let n = DVec3::new(c, s, 0.0);
+        for (name, smooth) in [("step", 0.0), ("slope", 0.5)] {
+            let light = |x: DVec3| if x.dot(n) < at { 1.0 + smooth * x.y } else { smooth * (x.x + 0.1) };
+            let means: Vec<f64> = mesh.element_facets.iter_polygons().map(|(_, p)| {
+                let mut sum = 0.0;
+                for i in 0..32 { for j in 0..32 {
+                    let v = p.vertices();
+                    let (a, b) = ((i as f64 + 0.5) / 32.0, (j as f64 + 0.5) / 32.0);
+                    sum += light(v[0] + (v[1] - v[0]) * a + (v[3] - v[0]) * b);
+                }}
+                sum / 1024.0
+            }).collect();
+            let linear = Reconstruction::new(&mesh, &means);
+            let (mut a, mut b, mut over) = (0.0, 0.0, 0.0_f64);
+            let mut random = Random(1);
+            for e in 0..means.len() {
+                for _ in 0..32 {
+                    let x = random_point(&mesh, e, &mut random);
+                    a += (means[e] - light(x)).powi(2);
+                    b += (linear.at(e, x, 0) - light(x)).powi(2);
+                }
+                for (x, place) in linear.triangles(e).flatten() {
+                    let v = linear.value(&place, 0);
+                    let c = mesh.element_facets.polygons(e)[0].centroid();
+                    let h = 1.0 / f64::from(k);
+                    let near = (0..means.len()).filter(|&o| mesh.element_facets.polygons(o)[0].centroid().distance(c) < 1.5 * h).map(|o| means[o]);
+                    let (lo, hi) = near.fold((9.0_f64, -9.0_f64), |(l, h), v| (l.min(v), h.max(v)));
+                    if (v - hi).max(lo - v) > 0.04 && at == 0.52 && angle == 0.0 { println!("  {x} v {v} of [{lo}, {hi}] u {} limit {} {:?}", means[e], linear.values[0].limits[e], place.shares); }
+                    over = over.max(v - hi).max(lo - v);
+                }
+            }
+            println!("{name} {k} {angle} {at}: {:.4} {:.4} over {over:.3} limited {} cuts {}", (a / 32.0 / means.len() as f64).sqrt(), (b / 32.0 / means.len() as f64).sqrt(), linear.limited().count(), linear.cuts());
+        }
+    }
+    for k in [16] {
+        let mesh = mesh_of(&scene_of(&[square()]), k);
+        let mut random = Random(8);
+        for noise in [0.0, 0.001, 0.01, 0.05] {
+            let means: Vec<f64> = at_centres(&mesh, |x| 1.0 + (3.0 * x.x).sin() * x.y).iter().map(|v| v * (1.0 + noise * (random.unit() + random.unit() - 1.0))).collect();
+            let linear = Reconstruction::new(&mesh, &means);
+            println!("noise {noise}: limited {} cuts {} of {}", linear.limited().count(), linear.cuts(), (k - 1) * (k - 1));
+        }
+    }
+}

@@ -9,8 +9,8 @@ use crate::{Facets, Polygon};
 /// Least share of the weights of neighbours in the direction in which they spread less, from which on there is a slope that way.
 const SPREAD: f64 = 1e-6;
 
-/// Least share of an element's own bend by which neighbours must not bend the other way for it to be part of an extremum.
-const SHARED: f64 = 0.5;
+/// Least share of an element's bend, for its size, that neighbours have where it is part of an extremum.
+const SHARED: f64 = 0.2;
 
 /// How often limited elements may move their vertices.
 const ROUNDS: usize = 3;
@@ -69,15 +69,34 @@ pub(super) fn values(facets: &Facets, parted: &Parted, u: &[f64]) -> Values {
         });
         sums.0 / sums.1
     };
+    let said = |e: u32, node: usize| slopes[e as usize].dot(parted.nodes.positions[node] - polygon(e).centroid());
+    // Range of what surrounds a node; `None` at a border.
+    let surrounding = |node: usize| {
+        let (ring, x) = (parted.surround.of(node), parted.nodes.positions[node]);
+        let normal = polygon(*ring.first()?).normal();
+        let to: Vec<DVec3> = ring.iter().map(|&e| polygon(e).centroid() - x).collect();
+        // Whether the centres lie on all sides of the node: from each another one is less than half a turn ahead.
+        let all_sides = to.iter().all(|a| to.iter().any(|b| a.cross(*b).dot(normal) > 0.0));
+        let beside = ring.iter().flat_map(|&e| parted.neighbours.of(e as usize)).filter(|_| !all_sides);
+        Some(range(beside.chain(ring).map(|&e| u[e as usize])))
+    };
+    let bounds: Vec<Option<(f64, f64)>> = (0..count).into_par_iter().map(surrounding).collect();
+    // Share of its slope with which an element stays in range at its nodes away from borders: by it values go on to the border.
+    let steady = |e: u32| {
+        let share = |&node: &u32| {
+            let ((lo, hi), step) = (bounds[node as usize]?, said(e, node as usize));
+            let room = (if step > 0.0 { hi } else { lo }) - u[e as usize];
+            Some(if room.abs() < step.abs() { room / step } else { 1.0 })
+        };
+        parted.nodes.of(e as usize).iter().filter_map(share).fold(1.0, f64::min)
+    };
+    let steady: Vec<f64> = (0..m as u32).into_par_iter().map(steady).collect();
     let extended = |node: usize| {
         let around = parted.around.of(node);
-        let x = parted.nodes.positions[node];
-        let said = |&e: &u32| (e, u[e as usize] + slopes[e as usize].dot(x - polygon(e).centroid()));
-        let value = mean(node, &around.iter().map(said).collect::<Vec<_>>());
-        let ring = parted.surround.of(node);
-        let near = ring.iter().flat_map(|&e| parted.neighbours.of(e as usize)).chain(ring);
-        let bounds = if ring.is_empty() { (f64::NEG_INFINITY, f64::INFINITY) } else { range(near.map(|&e| u[e as usize])) };
-        let (lo, hi) = of_one_sign(bounds, own(around));
+        let share = |e: u32| if bounds[node].is_some() { 1.0 } else { steady[e as usize] };
+        let of = |&e: &u32| (e, u[e as usize] + share(e) * said(e, node));
+        let value = mean(node, &around.iter().map(of).collect::<Vec<_>>());
+        let (lo, hi) = of_one_sign(bounds[node].unwrap_or((f64::NEG_INFINITY, f64::INFINITY)), own(around));
         value.clamp(lo, hi)
     };
     let mut nodes: Vec<f64> = (0..count).into_par_iter().map(extended).collect();
@@ -122,11 +141,16 @@ fn limits(facets: &Facets, parted: &Parted, u: &[f64], nodes: &[f64], ranges: &[
             -sum / area
         })
         .collect();
+    let surrounded = |node: &u32| !parted.surround.of(*node as usize).is_empty();
+    let inside: Vec<bool> = (0..u.len()).map(|e| parted.nodes.of(e).iter().all(surrounded)).collect();
     let limit = |e: usize| {
         let (own, bend) = (parted.nodes.of(e), bends[e]);
         let near = range(own.iter().flat_map(|&node| [ranges[node as usize].0, ranges[node as usize].1]));
         let values = range(own.iter().map(|&node| nodes[node as usize]));
-        let extremum = parted.neighbours.of(e).iter().all(|&k| bends[k as usize] * bend.signum() >= -SHARED * bend.abs());
+        let size = |k: u32| (facets.area(k as usize) / facets.area(e)).min(1.0);
+        let shares = |&k: &u32| bends[k as usize] * bend.signum() >= SHARED * size(k) * bend.abs();
+        // At a border values go on in a straight line, which bends nothing: only there this says something about neighbours there.
+        let extremum = parted.neighbours.of(e).iter().filter(|k| inside[**k as usize] || !inside[e]).all(shares);
         let bounds = if extremum {
             (f64::NEG_INFINITY, f64::INFINITY)
         } else {
