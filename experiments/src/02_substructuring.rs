@@ -12,7 +12,7 @@
 
 use std::error::Error;
 
-use radiosity::{Adaptive, Goal, GridValues, Method, Shape, Store, Strategy, Yardstick, run_adaptive};
+use radiosity::{Adaptive, Goal, GridValues, LinearRadiosity, Method, Shape, Store, Strategy, Yardstick, run_adaptive};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::ManufacturedRoom;
 use radiosity_geometry::Scene;
@@ -22,6 +22,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
 use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, record, times, times_of, value};
+use crate::common::{linear_picture, picture, picture_side};
 use crate::truth::{Truth, pairs_truth};
 
 /// The experiment.
@@ -62,6 +63,28 @@ fn meshes(profile: Profile) -> [Vec<(u32, u32)>; 2] {
 /// Tolerances of adaptive runs.
 fn tolerances(profile: Profile) -> Vec<f64> {
     profile.pick(vec![0.04, 0.02], vec![0.04, 0.02, 0.01], vec![0.04, 0.02, 0.01, 0.005])
+}
+
+/// The same solution of the Cornell box with each element in one radiosity, and linear inside elements.
+fn pictures(context: &mut Context, scene: &Scene) -> Result<(), Box<dyn Error>> {
+    let profile = context.profile();
+    let (patches, elements) = profile.pick((1, 4), (4, 16), (4, 32));
+    let mut strategy = Strategy::new(Subdivision::Uniform(elements), Method::exact(1e-6, 1e-4));
+    strategy.mesh.patches = Some(Subdivision::Uniform(patches));
+    (strategy.shape, strategy.verify) = (Shape::ElementsToPatches, false);
+    "gauss-seidel".clone_into(&mut strategy.solver);
+    let run = radiosity::run(scene, &strategy, &mut ())?;
+    let linear = LinearRadiosity::new(&run.geometry, &run.solution.irradiance);
+    let size = picture_side(profile);
+    let flat = picture(&run.geometry, &run.solution.radiosity, size)?;
+    let shaded = linear_picture(&run.geometry, &linear, size)?;
+    for (name, how, image) in [("flat", "one radiosity an element", flat), ("linear", "linear inside elements", shaded)]
+    {
+        let caption = format!("{elements} × {elements} elements a face, {how}");
+        context.picture(name, &caption, image.width, image.height, &image.rgb)?;
+    }
+    context.tick("pictures");
+    Ok(())
 }
 
 /// An adaptive run over the report grid, whose patches are cut or stay as they are.
@@ -206,7 +229,9 @@ impl Experiment for Substructuring {
         let [varied_n, varied_m] = meshes(profile);
         let cases = cases(profile)?;
         let tolerances = tolerances(profile);
-        context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len() + 2 * tolerances.len());
+        context.begin(
+            cases.len() * 4 * (varied_n.len() + varied_m.len()) + rays(profile).len() + 2 * tolerances.len() + 1,
+        );
         for case in &cases {
             let truth = if case.name == "Cornell box" {
                 cornell_truth(context, &case.scene)?
@@ -241,6 +266,7 @@ impl Experiment for Substructuring {
                     context.record(adaptive(&case.scene, &truth, tolerance, cut)?);
                     context.tick(format!("adaptive {tolerance}"));
                 }
+                pictures(context, &case.scene)?;
             }
         }
         Ok(())

@@ -87,12 +87,7 @@ impl GridValues {
     }
 
     /// `value` of element, point and band at K × K points of every piece.
-    fn at_points(
-        geometry: &Geometry<'_>,
-        bands: usize,
-        k: u32,
-        value: impl Fn(usize, DVec3, usize) -> f64,
-    ) -> Self {
+    fn at_points(geometry: &Geometry<'_>, bands: usize, k: u32, value: impl Fn(usize, DVec3, usize) -> f64) -> Self {
         let mesh = geometry.mesh();
         let (mut surfaces, mut indices, mut areas, mut found) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(k);

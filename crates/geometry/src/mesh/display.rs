@@ -60,7 +60,8 @@ impl Mesh {
         let same = welded(&positions, slack);
         corners.iter_mut().for_each(|corner| *corner = same[*corner as usize]);
         for loop_ in &loops {
-            begins.push(begins[begins.len() - 1] + u32::try_from(loop_.len()).expect("corners are numbered in 32 bits"));
+            begins
+                .push(begins[begins.len() - 1] + u32::try_from(loop_.len()).expect("corners are numbered in 32 bits"));
         }
         Conforming { positions, begins, corners }
     }

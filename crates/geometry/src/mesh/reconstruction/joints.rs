@@ -152,9 +152,7 @@ impl Plane {
 
     /// The criterion of the module page.
     fn jumps(&self, [a, b]: [u32; 2], centres: &[DVec3], bands: &[&[f64]]) -> bool {
-        let apart = |a: u32, b: u32| {
-            bands.iter().map(|u| (u[a as usize] - u[b as usize]).powi(2)).sum::<f64>().sqrt()
-        };
+        let apart = |a: u32, b: u32| bands.iter().map(|u| (u[a as usize] - u[b as usize]).powi(2)).sum::<f64>().sqrt();
         let size = bands.iter().map(|u| u[a as usize].powi(2).max(u[b as usize].powi(2))).sum::<f64>().sqrt();
         let difference = apart(a, b);
         if difference <= ROUNDING * size {

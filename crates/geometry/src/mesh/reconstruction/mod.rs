@@ -28,13 +28,15 @@
 //!
 //! if there are such neighbours on both sides. Means over elements of a ramp of width w, centred on a mesh line, meet this up to w = 1.6 h; one in
 //! the middle of an element is linear between its two vertices as it is. One edge that is parted by noise changes nothing, for its ends are joined
-//! around their other elements: only lines of them are cuts.
+//! around their other elements: only lines of them are cuts. Of 225 vertices of smooth values with noise of 1 % two are cut, with 5 % seven, of
+//! smooth values without noise none.
 //!
-//! **No overshoot.** v_x inside a plane lies in the range of the elements around x and their neighbours; at borders it is extrapolated by half an
-//! element, but never beyond zero. Where z_e is outside the range of what surrounds e, and no part of an extremum that its neighbours share
-//! (their z − u have its sign), no continuous function keeps mean and range: something jumps in e or at its edge. Values of e
-//! are then drawn towards u_e by s_e < 1 (limiting), its vertices move to what such elements say, and what still disagrees stays a jump. So
-//! reconstructions are continuous but at cuts and at edges of limited elements.
+//! **No overshoot.** v_x inside a plane lies in the range of the elements around x and their neighbours; at borders values go on by the slopes,
+//! taken less steep where they would leave that range inside, and never beyond zero. Where z_e is outside the range of what surrounds e, and no
+//! part of an extremum that its neighbours share (their z − u have its sign and at least a fifth of it), no continuous function keeps mean and
+//! range: something jumps in e or at its edge. Values of e are then drawn towards u_e by s_e < 1 (limiting), its vertices move to what such
+//! elements say, and what still disagrees stays a jump. So reconstructions are continuous but at cuts and at edges of limited elements.
+//! What is left of overshoot depends on how a jump lies to the mesh: none where it is parallel to it, at most a quarter of the jump at 45°.
 //!
 //! What is *not* here: what varies inside one element, and where mesh lines should be.
 

@@ -12,6 +12,9 @@ const SPREAD: f64 = 1e-6;
 /// Least share of an element's bend, for its size, that neighbours have where it is part of an extremum.
 const SHARED: f64 = 0.2;
 
+/// Steps, of those between elements, that a slope may make within one before it counts as that of a jump.
+const ROOM: f64 = 2.0;
+
 /// How often limited elements may move their vertices.
 const ROUNDS: usize = 3;
 
@@ -58,7 +61,11 @@ pub(super) fn values(facets: &Facets, parted: &Parted, u: &[f64]) -> Values {
             let near = Slope::new(polygon(e), beside.iter().map(step));
             // In a corner, a triangle has but one neighbour: those of it tell the rest.
             let next = || beside.iter().flat_map(|&k| parted.neighbours.of(k as usize)).filter(|k| **k != e);
-            if near.full() { near.slope() } else { Slope::new(polygon(e), beside.iter().chain(next()).map(step)).slope() }
+            if near.full() {
+                near.slope()
+            } else {
+                Slope::new(polygon(e), beside.iter().chain(next()).map(step)).slope()
+            }
         })
         .collect();
     let weight = |e: u32, node: usize| parted.nodes.positions[node].distance_squared(polygon(e).centroid()).recip();
@@ -72,20 +79,16 @@ pub(super) fn values(facets: &Facets, parted: &Parted, u: &[f64]) -> Values {
     let said = |e: u32, node: usize| slopes[e as usize].dot(parted.nodes.positions[node] - polygon(e).centroid());
     // Range of what surrounds a node; `None` at a border.
     let surrounding = |node: usize| {
-        let (ring, x) = (parted.surround.of(node), parted.nodes.positions[node]);
-        let normal = polygon(*ring.first()?).normal();
-        let to: Vec<DVec3> = ring.iter().map(|&e| polygon(e).centroid() - x).collect();
-        // Whether the centres lie on all sides of the node: from each another one is less than half a turn ahead.
-        let all_sides = to.iter().all(|a| to.iter().any(|b| a.cross(*b).dot(normal) > 0.0));
-        let beside = ring.iter().flat_map(|&e| parted.neighbours.of(e as usize)).filter(|_| !all_sides);
-        Some(range(beside.chain(ring).map(|&e| u[e as usize])))
+        let ring = parted.surround.of(node);
+        let near = ring.iter().flat_map(|&e| parted.neighbours.of(e as usize)).chain(ring);
+        (!ring.is_empty()).then(|| range(near.map(|&e| u[e as usize])))
     };
     let bounds: Vec<Option<(f64, f64)>> = (0..count).into_par_iter().map(surrounding).collect();
     // Share of its slope with which an element stays in range at its nodes away from borders: by it values go on to the border.
     let steady = |e: u32| {
         let share = |&node: &u32| {
             let ((lo, hi), step) = (bounds[node as usize]?, said(e, node as usize));
-            let room = (if step > 0.0 { hi } else { lo }) - u[e as usize];
+            let room = ROOM * ((if step > 0.0 { hi } else { lo }) - u[e as usize]);
             Some(if room.abs() < step.abs() { room / step } else { 1.0 })
         };
         parted.nodes.of(e as usize).iter().filter_map(share).fold(1.0, f64::min)
@@ -151,11 +154,8 @@ fn limits(facets: &Facets, parted: &Parted, u: &[f64], nodes: &[f64], ranges: &[
         let shares = |&k: &u32| bends[k as usize] * bend.signum() >= SHARED * size(k) * bend.abs();
         // At a border values go on in a straight line, which bends nothing: only there this says something about neighbours there.
         let extremum = parted.neighbours.of(e).iter().filter(|k| inside[**k as usize] || !inside[e]).all(shares);
-        let bounds = if extremum {
-            (f64::NEG_INFINITY, f64::INFINITY)
-        } else {
-            (near.0.min(values.0), near.1.max(values.1))
-        };
+        let bounds =
+            if extremum { (f64::NEG_INFINITY, f64::INFINITY) } else { (near.0.min(values.0), near.1.max(values.1)) };
         let (lo, hi) = of_one_sign(bounds, near);
         let (centre, slack) = (u[e] + bend, ROUNDING * near.0.abs().max(near.1.abs()));
         if centre < lo - slack {
