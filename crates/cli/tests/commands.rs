@@ -180,8 +180,7 @@ fn a_mesh_is_written_flat_or_linear() {
     let folder = squares("shading");
     for (shading, faces, of_vertices) in [("flat", 8, false), ("linear", 32, true)] {
         done(&folder.run(&format!("solve squares.obj --subdivide 2 --shading {shading} --output o.ply")));
-        let bytes = std::fs::read(folder.path("o.ply")).unwrap();
-        let text = String::from_utf8_lossy(&bytes);
+        let text = folder.read("o.ply");
         assert!(text.contains(&format!("element face {faces}\n")), "{shading}");
         let before_faces = text.find("radiosity_r").unwrap() < text.find("element face").unwrap();
         assert_eq!(before_faces, of_vertices, "{shading}");
