@@ -175,8 +175,8 @@ fn nothing_is_smoothed_across_the_edges_of_a_room() {
     let mesh = mesh_of(&scene_of(&cube(2.0)), 3);
     let values: Vec<f64> = mesh.elements.iter().map(|e| f64::from(e.surface)).collect();
     let linear = Reconstruction::new(&mesh, &values);
-    for e in 0..linear.len() {
-        assert!(linear.triangles(e).flatten().all(|(_, place)| (linear.value(&place, 0) - values[e]).abs() < 1e-15));
+    for (e, known) in values.iter().enumerate() {
+        assert!(linear.triangles(e).flatten().all(|(_, place)| (linear.value(&place, 0) - known).abs() < 1e-15));
     }
 }
 
@@ -202,7 +202,7 @@ fn a_shadow_line_through_elements_neither_overshoots_nor_blurs() {
         (16, 0.0, 0.53, 0.02),
         (16, 0.0, 0.55, 0.02),
         (16, 0.3, 0.52, 0.2),
-        (16, 0.7854, 0.7, 0.25),
+        (16, std::f64::consts::FRAC_PI_4, 0.7, 0.25),
         (32, 1.1, 0.5, 0.1),
     ];
     for (k, angle, at, most) in cases {
