@@ -13,7 +13,9 @@
 
 use std::error::Error;
 
-use radiosity::{Adaptive, CellPlace, Goal, GridValues, Method, Shape, Store, Strategy, Yardstick, run_adaptive};
+use radiosity::{
+    Adaptive, CellPlace, Goal, GridValues, LinearRadiosity, Method, Shape, Store, Strategy, Yardstick, run_adaptive,
+};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_gallery::ManufacturedRoom;
 use radiosity_geometry::Scene;
@@ -23,6 +25,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 
 use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, record, times, times_of, value};
+use crate::common::{linear_picture, picture, picture_side};
 use crate::points;
 use crate::truth::{Truth, pairs_truth};
 
@@ -64,6 +67,28 @@ fn meshes(profile: Profile) -> [Vec<(u32, u32)>; 2] {
 /// Tolerances of adaptive runs.
 fn tolerances(profile: Profile) -> Vec<f64> {
     profile.pick(vec![0.04, 0.02], vec![0.04, 0.02, 0.01], vec![0.04, 0.02, 0.01, 0.005])
+}
+
+/// The same solution of the Cornell box with each element in one radiosity, and linear inside elements.
+fn pictures(context: &mut Context, scene: &Scene) -> Result<(), Box<dyn Error>> {
+    let profile = context.profile();
+    let (patches, elements) = profile.pick((1, 4), (4, 16), (4, 32));
+    let mut strategy = Strategy::new(Subdivision::Uniform(elements), Method::exact(1e-6, 1e-4));
+    strategy.mesh.patches = Some(Subdivision::Uniform(patches));
+    (strategy.shape, strategy.verify) = (Shape::ElementsToPatches, false);
+    "gauss-seidel".clone_into(&mut strategy.solver);
+    let run = radiosity::run(scene, &strategy, &mut ())?;
+    let linear = LinearRadiosity::new(&run.geometry, &run.solution.irradiance);
+    let size = picture_side(profile);
+    let flat = picture(&run.geometry, &run.solution.radiosity, size)?;
+    let shaded = linear_picture(&run.geometry, &linear, size)?;
+    for (name, how, image) in [("flat", "one radiosity an element", flat), ("linear", "linear inside elements", shaded)]
+    {
+        let caption = format!("{elements} × {elements} elements a face, {how}");
+        context.picture(name, &caption, image.width, image.height, &image.rgb)?;
+    }
+    context.tick("pictures");
+    Ok(())
 }
 
 /// An adaptive run over the report grid, whose patches are cut or stay as they are.
@@ -238,7 +263,7 @@ impl Experiment for Substructuring {
         let cases = cases(profile)?;
         let tolerances = tolerances(profile);
         let at_points = points::cases(profile);
-        let others = rays(profile).len() + 2 * tolerances.len() + at_points.len();
+        let others = rays(profile).len() + 2 * tolerances.len() + at_points.len() + 1;
         context.begin(cases.len() * 4 * (varied_n.len() + varied_m.len()) + others);
         for case in &cases {
             let truth = if case.name == "Cornell box" {
@@ -280,6 +305,7 @@ impl Experiment for Substructuring {
                     context.record(points.record(&case.scene, (&pointwise, &truth), profile)?);
                     context.tick(points.key());
                 }
+                pictures(context, &case.scene)?;
             }
         }
         Ok(())

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use radiosity::{GridValues, Measured, Method, Run, Strategy, run};
+use radiosity::{Geometry, GridValues, LinearRadiosity, Measured, Method, Run, Strategy, run};
 use radiosity_core::{BandValues, Cost};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::{Occluders, Scene};
@@ -173,12 +173,24 @@ pub fn cornell_camera(side: u32) -> Result<Camera, Box<dyn Error>> {
 pub const WHITE: f64 = 1.2;
 
 /// A picture of radiosities on the exposed elements, with the exposure that all pictures share.
-pub fn picture(geometry: &radiosity::Geometry<'_>, radiosity: &BandValues, side: u32) -> Result<Image, Box<dyn Error>> {
+pub fn picture(geometry: &Geometry<'_>, radiosity: &BandValues, side: u32) -> Result<Image, Box<dyn Error>> {
+    let values: Vec<[f64; 3]> =
+        (0..geometry.elements().len()).map(|e| [0, 1, 2].map(|b| radiosity.band(b)[e])).collect();
+    Ok(view(geometry, side)?.picture(&values, Exposure::white_at(WHITE)))
+}
+
+/// The same with radiosity that is linear inside elements.
+pub fn linear_picture(geometry: &Geometry<'_>, linear: &LinearRadiosity, side: u32) -> Result<Image, Box<dyn Error>> {
+    let value = |e: usize, point: DVec3| {
+        let place = linear.place(e, point);
+        [0, 1, 2].map(|b| linear.radiosity(e, &place, b))
+    };
+    Ok(view(geometry, side)?.picture_of(value, Exposure::white_at(WHITE)))
+}
+
+fn view(geometry: &Geometry<'_>, side: u32) -> Result<View, Box<dyn Error>> {
     let facets = geometry.elements();
-    let occluders = Occluders::of_facets(facets);
-    let view = View::new(facets, &occluders, &cornell_camera(side)?, ViewSettings::default());
-    let values: Vec<[f64; 3]> = (0..facets.len()).map(|e| [0, 1, 2].map(|b| radiosity.band(b)[e])).collect();
-    Ok(view.picture(&values, Exposure::white_at(WHITE)))
+    Ok(View::new(facets, &Occluders::of_facets(facets), &cornell_camera(side)?, ViewSettings::default()))
 }
 
 /// Side of a picture in pixels.

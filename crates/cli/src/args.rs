@@ -273,6 +273,15 @@ pub struct MeshArgs {
     pub patch_subdivide: Option<u32>,
 }
 
+/// How elements are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Shading {
+    /// One polygon and one radiosity an element.
+    Flat,
+    /// Triangles with radiosities at their vertices.
+    Linear,
+}
+
 /// `radiosity solve`.
 #[derive(ClapArgs, Debug)]
 pub struct SolveArgs {
@@ -326,6 +335,10 @@ pub struct SolveArgs {
     /// only form factors that can have changed are computed, and the solver starts from the first answer. Says what that saved.
     #[arg(long, value_name = "BEFORE", conflicts_with_all = ["form_factors", "tolerance"])]
     pub after: Option<PathBuf>,
+    /// How a .ply file shows radiosity: flat, every element in the one value it has, or linear inside elements and continuous between them but at
+    /// edges and shadow lines.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "flat")]
+    pub shading: Shading,
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,

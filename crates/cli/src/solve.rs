@@ -3,22 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use glam::DVec3;
 use radiosity::{
-    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method, Phase, Round,
-    Run, RunError, Saving,
+    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, LinearRadiosity, Method,
+    Phase, Round, Run, RunError, Saving,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{Size, admit, default_method, predict, run_adaptive, run_meshed, run_saved, run_to_tolerance};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::repair::RepairError;
-use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_geometry::mesh::{MeshSettings, Place, Subdivision};
 use radiosity_geometry::{Occluders, Scene, SceneChange};
-use radiosity_io::{Imported, PlyFace, SolutionRow, write_ply, write_solution};
+use radiosity_io::{Imported, PlyFace, PlyTriangle, PlyVertex, SolutionRow};
+use radiosity_io::{write_ply, write_shaded_ply, write_solution};
 use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
-use crate::args::{Common, Estimator, MeshArgs, SolveArgs, StoreName};
+use crate::args::{Common, Estimator, MeshArgs, Shading, SolveArgs, StoreName};
 use crate::output::Names;
 use crate::saved::Saved;
 use crate::{Failure, Verdict, memory, output, saved, scene};
@@ -298,7 +300,7 @@ fn finish(
 ) -> Result<Verdict, Failure> {
     let target = args.output.as_deref();
     if let Some(path) = target {
-        write(path, run, args.report_grid)?;
+        write(path, run, args)?;
     }
     let mut object = report(strategy, file, run);
     object["scene"] = output::import(&imported.report);
@@ -560,16 +562,19 @@ fn three(values: &BandValues, at: usize) -> [f64; 3] {
     [0, 1, 2].map(|b| values.band(b.min(values.count() - 1))[at])
 }
 
-fn write(path: &Path, run: &Run<'_>, report_grid: Option<u32>) -> Result<(), Failure> {
+fn write(path: &Path, run: &Run<'_>, args: &SolveArgs) -> Result<(), Failure> {
     match format_of(path)? {
         Format::Csv => {
-            let rows = match report_grid {
+            let rows = match args.report_grid {
                 Some(k) => cell_rows(run, k)?,
                 None => element_rows(run),
             };
             write_solution(path, &rows)?;
         }
-        Format::Ply => write_ply(path, &ply_faces(run))?,
+        Format::Ply => match args.shading {
+            Shading::Flat => write_ply(path, &ply_faces(run))?,
+            Shading::Linear => write_shaded_ply(path, &ply_triangles(run))?,
+        },
     }
     Ok(())
 }
@@ -612,12 +617,18 @@ fn cell_rows(run: &Run<'_>, k: u32) -> Result<Vec<SolutionRow>, Failure> {
     Ok(cells.iter().enumerate().map(row).collect())
 }
 
-fn ply_faces(run: &Run<'_>) -> Vec<PlyFace> {
+/// Radiosity of every element of the mesh, and the exposure that shows it.
+fn shown(run: &Run<'_>) -> (Vec<[f64; 3]>, Exposure) {
     let mesh = run.geometry.mesh();
     let b = run.geometry.spread(&run.solution.radiosity);
     let values: Vec<[f64; 3]> = (0..mesh.elements.len()).map(|k| three(&b, k)).collect();
     // Lights are far brighter than what they light: white is what 2 % of the area exceeds.
     let exposure = Exposure::of_share(&values, &mesh.areas(), 0.98);
+    (values, exposure)
+}
+
+fn ply_faces(run: &Run<'_>) -> Vec<PlyFace> {
+    let (mesh, (values, exposure)) = (run.geometry.mesh(), shown(run));
     let face = |((k, value), vertices): ((usize, &[f64; 3]), Vec<_>)| PlyFace {
         vertices,
         surface: mesh.elements[k].surface,
@@ -625,4 +636,21 @@ fn ply_faces(run: &Run<'_>) -> Vec<PlyFace> {
         radiosity: *value,
     };
     values.iter().enumerate().zip(mesh.without_cracks()).map(face).collect()
+}
+
+fn ply_triangles(run: &Run<'_>) -> Vec<PlyTriangle> {
+    let (mesh, (_, exposure)) = (run.geometry.mesh(), shown(run));
+    let linear = LinearRadiosity::new(&run.geometry, &run.solution.irradiance);
+    let vertex = |e: usize, (position, place): (DVec3, Place)| {
+        let radiosity = [0, 1, 2].map(|b: usize| linear.radiosity(e, &place, b.min(linear.bands() - 1)));
+        PlyVertex { position, colour: exposure.colour(radiosity), radiosity }
+    };
+    let exposed = run.geometry.exposed().iter().enumerate();
+    exposed
+        .flat_map(|(e, &element)| {
+            let surface = mesh.elements[element as usize].surface;
+            let triangles = linear.irradiance().triangles(element as usize);
+            triangles.map(move |corners| PlyTriangle { vertices: corners.map(|corner| vertex(e, corner)), surface })
+        })
+        .collect()
 }

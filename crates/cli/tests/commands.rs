@@ -174,6 +174,19 @@ fn quiet_prints_nothing() {
     assert_eq!(folder.files(), ["F.mtx", "F.mtx.json", "o.ply", "squares.mtl", "squares.obj"]);
 }
 
+/// Two squares of 2 × 2 elements: 8 faces, or 4 triangles each.
+#[test]
+fn a_mesh_is_written_flat_or_linear() {
+    let folder = squares("shading");
+    for (shading, faces, of_vertices) in [("flat", 8, false), ("linear", 32, true)] {
+        done(&folder.run(&format!("solve squares.obj --subdivide 2 --shading {shading} --output o.ply")));
+        let text = folder.read("o.ply");
+        assert!(text.contains(&format!("element face {faces}\n")), "{shading}");
+        let before_faces = text.find("radiosity_r").unwrap() < text.find("element face").unwrap();
+        assert_eq!(before_faces, of_vertices, "{shading}");
+    }
+}
+
 #[test]
 fn refinement_stops_at_its_tolerance_and_says_so() {
     let folder = squares("tolerance");

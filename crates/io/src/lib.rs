@@ -19,7 +19,7 @@ pub use atomic::write_atomically;
 pub use error::{ReadError, WriteError};
 pub use matrix::{Matrix, MatrixFormat, MatrixView, read_matrix, write_matrix};
 pub use obj::{ImportReport, Imported, ReadOptions, Texture, read_geometry, read_scene};
-pub use ply::{PlyFace, write_ply};
+pub use ply::{PlyFace, PlyTriangle, PlyVertex, write_ply, write_shaded_ply};
 pub use png::write_png;
 pub use stl::{StlFault, read_stl, read_stl_geometry};
 pub use table::{SolutionRow, write_solution};

@@ -12,8 +12,9 @@
 //! solver error, (b) the solution from the best form factors on the same mesh the form-factor error, (c) a closed form
 //! or a much finer run the mesh error.
 
+use glam::DVec3;
 use radiosity_core::BandValues;
-use radiosity_geometry::mesh::MeshError;
+use radiosity_geometry::mesh::{MeshError, Reconstruction};
 use radiosity_geometry::polygon::area_vector;
 
 use crate::Geometry;
@@ -87,26 +88,37 @@ impl GridValues {
 
     /// Values at K × K points of every piece of every surface: the piecewise constant solution as it is seen.
     pub fn points(geometry: &Geometry<'_>, values: &BandValues, k: u32) -> Self {
-        let (all, mesh) = (geometry.spread(values), geometry.mesh());
-        let (mut surfaces, mut indices, mut areas, mut elements) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let all = geometry.spread(values);
+        Self::at_points(geometry, all.count(), k, |element, _, band| all.band(band)[element])
+    }
+
+    /// Values at the same points of a solution that is linear inside elements of the mesh.
+    pub fn linear_points(geometry: &Geometry<'_>, values: &Reconstruction, k: u32) -> Self {
+        Self::at_points(geometry, values.bands(), k, |element, point, band| values.at(element, point, band))
+    }
+
+    /// `value` of element, point and band at K × K points of every piece.
+    fn at_points(geometry: &Geometry<'_>, bands: usize, k: u32, value: impl Fn(usize, DVec3, usize) -> f64) -> Self {
+        let mesh = geometry.mesh();
+        let (mut surfaces, mut indices, mut areas, mut found) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(k);
         for s in 0..geometry.scene().surfaces.len() {
-            for p in 0..mesh.pieces(s).len() {
-                let begin = elements.len();
-                let places = (0..k).flat_map(|j| (0..k).map(move |i| (i, j)));
-                let found = places.filter_map(|(i, j)| mesh.locate(s, p, at(i), at(j)).map(|e| (i, j, e)));
-                for (i, j, element) in found {
-                    surfaces.push(s as u32);
-                    indices.push((p as u32 * k + i, j));
-                    elements.push(element);
+            for (p, piece) in mesh.pieces(s).iter().enumerate() {
+                let begin = found.len();
+                for (i, j) in (0..k).flat_map(|j| (0..k).map(move |i| (i, j))) {
+                    if let Some(element) = mesh.locate(s, p, at(i), at(j)) {
+                        surfaces.push(s as u32);
+                        indices.push((p as u32 * k + i, j));
+                        found.push((element, piece.point(at(i), at(j))));
+                    }
                 }
-                let piece = area_vector(mesh.pieces(s)[p].corners()).length();
-                let share = piece / (elements.len() - begin).max(1) as f64;
-                areas.resize(elements.len(), share);
+                let share = area_vector(piece.corners()).length() / (found.len() - begin).max(1) as f64;
+                areas.resize(found.len(), share);
             }
         }
-        let values = (0..all.count()).flat_map(|b| elements.iter().map(move |&e| (b, e)));
-        let values = BandValues::new(values.map(|(b, e)| all.band(b)[e]).collect(), elements.len());
+        let value = &value;
+        let values = (0..bands).flat_map(|b| found.iter().map(move |&(element, point)| value(element, point, b)));
+        let values = BandValues::new(values.collect(), found.len());
         Self { surfaces, indices, areas, values }
     }
 

@@ -3,7 +3,8 @@
 //! A [`Camera`] looks at facets, a [`View`] remembers what each of its pixels sees, and colours come from one
 //! [`Exposure`] for all pictures of a comparison or from a [`Scale`] of false colours. What is *not* here: files
 //! (`radiosity-io` writes them), BRDFs and a view-dependent second pass. Every facet is shown in the one radiosity it has,
-//! the same from all sides and without interpolation, so that blockiness is seen as it is.
+//! the same from all sides and without interpolation, so that blockiness is seen as it is, or in what a function says of its points
+//! ([`View::picture_of`]).
 
 pub mod camera;
 pub mod false_colour;

@@ -37,18 +37,18 @@ impl Default for ViewSettings {
 }
 
 /// What one ray meets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Seen {
     Nothing,
     Back,
-    Front(u32),
+    /// A facet at a distance from the eye: single precision places a point to 1e-7 of it, far below a pixel.
+    Front(u32, f32),
 }
 
 /// The facets that the pixels of a camera see; the rays are cast once, for any number of pictures.
 #[derive(Clone, Debug)]
 pub struct View {
-    width: u32,
-    height: u32,
+    camera: Camera,
     settings: ViewSettings,
     facets: usize,
     /// samples² a pixel, pixel after pixel.
@@ -66,16 +66,23 @@ impl View {
     /// If `settings.samples` is 0.
     pub fn new(facets: &Facets, occluders: &Occluders, camera: &Camera, settings: ViewSettings) -> Self {
         assert!(settings.samples > 0, "a pixel needs at least one ray");
-        let (width, height, k) = (camera.width(), camera.height(), settings.samples);
-        let row = |y: u32| {
-            let places = (0..width).flat_map(move |x| (0..k * k).map(move |s| (x, s % k, s / k)));
-            let offset = move |s: u32| (f64::from(s) + 0.5) / f64::from(k);
-            let rays =
-                places.map(move |(x, i, j)| camera.direction(f64::from(x) + offset(i), f64::from(y) + offset(j)));
-            rays.map(|d| look(occluders, camera.eye(), d, settings.back_faces)).collect::<Vec<_>>()
+        let mut view = Self { camera: camera.clone(), settings, facets: facets.len(), seen: Vec::new() };
+        let rays = camera.width() as usize * (settings.samples * settings.samples) as usize;
+        let row = |y: usize| {
+            let directions = (y * rays..(y + 1) * rays).map(|ray| view.direction(ray));
+            directions.map(|d| look(occluders, camera.eye(), d, settings.back_faces)).collect::<Vec<_>>()
         };
-        let seen = (0..height).into_par_iter().flat_map_iter(row).collect();
-        Self { width, height, settings, facets: facets.len(), seen }
+        view.seen = (0..camera.height() as usize).into_par_iter().flat_map_iter(row).collect();
+        view
+    }
+
+    /// Direction of a ray by its number.
+    fn direction(&self, ray: usize) -> DVec3 {
+        let (k, width) = (self.settings.samples as usize, self.camera.width() as usize);
+        let (pixel, sample) = (ray / (k * k), ray % (k * k));
+        let offset = |s: usize| (s as f64 + 0.5) / k as f64;
+        let (x, y) = ((pixel % width) as f64, (pixel / width) as f64);
+        self.camera.direction(x + offset(sample % k), y + offset(sample / k))
     }
 
     /// A picture of radiosities, one a facet, in W/m².
@@ -85,7 +92,15 @@ impl View {
     /// If there are not as many values as facets.
     pub fn picture(&self, values: &[[f64; 3]], exposure: Exposure) -> Image {
         assert_eq!(values.len(), self.facets, "values of the facets seen");
-        self.paint(|facet| exposure.intensity(values[facet]))
+        self.paint(|facet, _| exposure.intensity(values[facet]))
+    }
+
+    /// A picture of radiosities in W/m² that `value` gives for every facet and point of it that is seen.
+    pub fn picture_of(&self, value: impl Fn(usize, DVec3) -> [f64; 3] + Sync, exposure: Exposure) -> Image {
+        self.paint(|facet, ray| {
+            let Seen::Front(_, distance) = self.seen[ray] else { return [0.0; 3] };
+            exposure.intensity(value(facet, self.camera.eye() + self.direction(ray) * f64::from(distance)))
+        })
     }
 
     /// A picture of any one number a facet, in false colours.
@@ -96,52 +111,55 @@ impl View {
     pub fn false_colours(&self, values: &[f64], scale: &Scale) -> Image {
         assert_eq!(values.len(), self.facets, "values of the facets seen");
         let colours: Vec<[f64; 3]> = values.iter().map(|v| scale.colour(*v).map(linear)).collect();
-        self.paint(|facet| colours[facet])
+        self.paint(|facet, _| colours[facet])
     }
 
     /// How many rays see each facet's front.
     pub fn counts(&self) -> Vec<u64> {
         let mut counts = vec![0; self.facets];
         for seen in &self.seen {
-            if let Seen::Front(facet) = seen {
+            if let Seen::Front(facet, _) = seen {
                 counts[*facet as usize] += 1;
             }
         }
         counts
     }
 
-    /// Pixels as means of linear intensities.
-    fn paint(&self, intensity: impl Fn(usize) -> [f64; 3] + Sync) -> Image {
+    /// Pixels as means of linear intensities, which `intensity` gives for a facet and the number of the ray that meets it.
+    fn paint(&self, intensity: impl Fn(usize, usize) -> [f64; 3] + Sync) -> Image {
         let per_pixel = (self.settings.samples * self.settings.samples) as usize;
         let background = self.settings.background.map(linear);
         let back = if self.settings.back_faces == BackFaces::DarkGrey { [DARK_GREY; 3] } else { [0.0; 3] };
-        let pixel = |seen: &[Seen]| {
+        let pixel = |(pixel, seen): (usize, &[Seen])| {
             let mut sum = DVec3::ZERO;
-            for seen in seen {
+            for (k, seen) in seen.iter().enumerate() {
                 sum += DVec3::from_array(match seen {
                     Seen::Nothing => background,
                     Seen::Back => back,
-                    Seen::Front(facet) => intensity(*facet as usize),
+                    Seen::Front(facet, _) => intensity(*facet as usize, pixel * per_pixel + k),
                 });
             }
             bytes((sum / per_pixel as f64).to_array())
         };
-        let rgb = self.seen.par_chunks(per_pixel).flat_map_iter(pixel).collect();
-        Image { width: self.width, height: self.height, rgb }
+        let rgb = self.seen.par_chunks(per_pixel).enumerate().flat_map_iter(pixel).collect();
+        Image { width: self.camera.width(), height: self.camera.height(), rgb }
     }
 }
 
 /// Follows one ray; through backs if they are not shown.
 fn look(occluders: &Occluders, eye: DVec3, direction: DVec3, back_faces: BackFaces) -> Seen {
-    let mut origin = eye;
+    let (mut origin, mut travelled) = (eye, 0.0);
     // A ray meets every polygon at most once.
     for _ in 0..occluders.len() {
         match occluders.first_hit(origin, direction) {
             None => return Seen::Nothing,
-            Some(hit) if hit.front => return Seen::Front(hit.owner),
+            Some(hit) if hit.front => return Seen::Front(hit.owner, (travelled + hit.distance) as f32),
             Some(_) if back_faces != BackFaces::SeeThrough => return Seen::Back,
             // Polygons whose plane holds the new origin are not met again.
-            Some(hit) => origin += direction * hit.distance,
+            Some(hit) => {
+                origin += direction * hit.distance;
+                travelled += hit.distance;
+            }
         }
     }
     Seen::Nothing
@@ -241,6 +259,23 @@ mod tests {
         let scale = Scale::linear(0.0, 1.0).unwrap();
         let view = View::new(&facets, &Occluders::of_facets(&facets), &inside(), ViewSettings::default());
         assert_eq!(view.false_colours(&[0.7; 6], &scale), Image::filled(48, 32, scale.colour(0.7)));
+    }
+
+    /// Values that are a function of the point show the point: of the wall z = 4 from 2.3 before it, 1° is 0.02 to a side. A byte is 1/255
+    /// of the range, 0.01.
+    #[test]
+    fn what_is_seen_is_shown_at_its_own_point() {
+        let facets = room();
+        let eye = DVec3::new(1.1, 2.3, 1.7);
+        let camera = Camera::new(eye, eye + DVec3::Z, DVec3::Y, 60.0, 9, 9).unwrap();
+        let settings = ViewSettings { samples: 1, ..ViewSettings::default() };
+        let view = View::new(&facets, &Occluders::of_facets(&facets), &camera, settings);
+        let image = view.picture_of(|facet, x| [x.x, x.y, if facet == 5 { x.z } else { 0.0 }], Exposure::white_at(5.0));
+        let at = Exposure::white_at(5.0).colour([1.1, 2.3, 4.0]);
+        assert!(image.pixel(4, 4).iter().zip(at).all(|(shown, known)| shown.abs_diff(known) <= 1));
+        // 60° of height over 9 pixels: the middle of the uppermost is 8/9 · tan 30° · 2.3 up.
+        let up = Exposure::white_at(5.0).colour([1.1, 2.3 + 8.0 / 9.0 * 2.3 / 3.0_f64.sqrt(), 4.0]);
+        assert!(image.pixel(4, 0).iter().zip(up).all(|(shown, known)| shown.abs_diff(known) <= 1));
     }
 
     #[test]

@@ -31,9 +31,10 @@ impl Folder {
         fs::write(self.0.join(name), text).unwrap();
     }
 
-    /// Reads a file.
+    /// Reads a file; bytes that are no text are replaced.
     pub fn read(&self, name: &str) -> String {
-        fs::read_to_string(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+        let bytes = fs::read(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        String::from_utf8_lossy(&bytes).into_owned()
     }
 
     /// Names of all files, sorted.

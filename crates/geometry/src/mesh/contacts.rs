@@ -19,15 +19,58 @@ const SLIVER: f64 = 1e-9;
 const RAYS: usize = 16;
 
 /// A segment in the plane of a face along which something touches or crosses it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Line {
     a: DVec3,
     b: DVec3,
+    /// Whether something stands on the front of the face there: light differs on both sides.
+    stands: bool,
 }
 
 impl Line {
     pub(super) fn new(a: DVec3, b: DVec3) -> Self {
-        Self { a, b }
+        Self { a, b, stands: false }
+    }
+
+    /// Whether the segment p q lies on this one, within `slack`.
+    fn holds(&self, p: DVec3, q: DVec3, slack: f64) -> bool {
+        let (along, length) = ((self.b - self.a).normalize_or_zero(), self.a.distance(self.b));
+        let off = |v: DVec3| (v - self.a - along * (v - self.a).dot(along)).length();
+        let middle = (p.midpoint(q) - self.a).dot(along);
+        off(p).max(off(q)) <= slack && middle >= -slack && middle <= length + slack
+    }
+}
+
+/// Lines along which something stands on the front of a face: what is on one side of them does not see the other.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Partitions {
+    lines: Vec<Line>,
+    slack: f64,
+}
+
+impl Partitions {
+    /// For the search of the line on which an edge lies.
+    pub(super) fn index(&self) -> PartitionIndex<'_> {
+        let bounds = |line: &Line| (line.a.min(line.b), line.a.max(line.b));
+        PartitionIndex { of: self, boxes: BoxTree::new(self.lines.iter().map(bounds)) }
+    }
+}
+
+/// [`Partitions`] with the boxes of their lines.
+pub(super) struct PartitionIndex<'a> {
+    of: &'a Partitions,
+    boxes: BoxTree,
+}
+
+impl PartitionIndex<'_> {
+    /// Whether something stands on the edge p q.
+    pub(super) fn on(&self, p: DVec3, q: DVec3) -> bool {
+        let (lines, slack) = (&self.of.lines, self.of.slack);
+        let mut found = false;
+        if !lines.is_empty() {
+            self.boxes.visit(&Line::new(p, q), slack, &mut |k| found |= lines[k].holds(p, q, slack));
+        }
+        found
     }
 }
 
@@ -86,6 +129,11 @@ impl<'a> Contacts<'a> {
             lines_between(face, &self.occluders.polygons()[other], tolerance, &mut lines);
         }
         lines
+    }
+
+    /// Those of some lines on which something stands.
+    pub(super) fn partitions(&self, lines: &[Line]) -> Partitions {
+        Partitions { lines: lines.iter().filter(|line| line.stands).copied().collect(), slack: CONTACT * self.diagonal }
     }
 
     /// The parts of each cell of a face, cut along the lines together with what nests in it.
@@ -159,9 +207,10 @@ fn lines_between(face: &Polygon, other: &Polygon, tolerance: f64, lines: &mut Ve
     if (0..n).all(|k| side(k) > 0) || (0..n).all(|k| side(k) < 0) {
         return;
     }
+    let stands = (0..n).any(|k| side(k) > 0);
     let mut push = |a: DVec3, b: DVec3| {
         if a.distance(b) > tolerance {
-            lines.push(Line { a, b });
+            lines.push(Line { a, b, stands });
         }
     };
     let mut crossings: Vec<DVec3> = Vec::new();
@@ -174,7 +223,7 @@ fn lines_between(face: &Polygon, other: &Polygon, tolerance: f64, lines: &mut Ve
             _ => {}
         }
     }
-    if (0..n).any(|k| side(k) > 0) && (0..n).any(|k| side(k) < 0) {
+    if stands && (0..n).any(|k| side(k) < 0) {
         // The two crossings furthest apart: rounding may leave more than two near a vertex.
         let pairs = crossings.iter().enumerate().flat_map(|(k, a)| crossings[..k].iter().map(move |b| (*a, *b)));
         if let Some((a, b)) = pairs.max_by(|p, q| p.0.distance(p.1).total_cmp(&q.0.distance(q.1))) {

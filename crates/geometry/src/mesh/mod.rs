@@ -5,6 +5,7 @@
 mod contacts;
 mod display;
 mod quadtree;
+pub mod reconstruction;
 mod refine;
 mod report_grid;
 mod subdivide;
@@ -13,11 +14,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{Facets, Occluders, Polygon, Scene};
-use contacts::{Contacts, Line, Part};
+use contacts::{Contacts, Line, Part, Partitions};
 use quadtree::Path;
 use subdivide::{Grids, MAX_CELLS, count, grids};
 
 pub use quadtree::{MAX_LEVEL, Neighbours};
+pub use reconstruction::{Place, Reconstruction};
 pub use refine::{Origin, Refined};
 pub use report_grid::{ReportCell, ReportGrid};
 pub use subdivide::{Piece, Subdivision};
@@ -145,6 +147,8 @@ pub struct Mesh {
     cell_begins: Vec<usize>,
     /// First element of every cell, and the number of elements.
     element_begins: Vec<usize>,
+    /// What stands on every face of the scene; empty if contacts were not looked for.
+    partitions: Vec<Partitions>,
 }
 
 /// Polygons in which cells are cut, cell by cell, in one allocation for all.
@@ -179,6 +183,8 @@ struct FaceCells {
     parents: Vec<usize>,
     /// Patches as lines of contact bound them.
     patches: Vec<Polygon>,
+    /// What stands on the face, if contacts are looked for.
+    partitions: Option<Partitions>,
 }
 
 impl Mesh {
@@ -259,11 +265,13 @@ impl Mesh {
             surface_begins: Vec::new(),
             cell_begins: Vec::new(),
             element_begins: Vec::new(),
+            partitions: Vec::new(),
         }
     }
 
     /// Numbers the elements and patches of a face.
     fn push_face(&mut self, face: FaceCells, covered: &mut impl Iterator<Item = bool>) {
+        self.partitions.extend(face.partitions);
         let flags: Vec<Vec<bool>> =
             face.elements.iter().map(|parts| covered.by_ref().take(parts.len()).collect()).collect();
 
@@ -406,6 +414,7 @@ impl FaceCells {
     fn new(face: &Polygon, grids: Vec<Grids>, has_patches: bool, contacts: Option<(&Contacts<'_>, Vec<Line>)>) -> Self {
         // Patches with the cells that nest in them; without patches cells in which nothing nests.
         let (mut coarse, mut cells) = (Vec::new(), 0);
+        let partitions = contacts.as_ref().map(|(contacts, lines)| contacts.partitions(lines));
         let whole = |polygon: Polygon| Part { polygon, cells: Vec::new() };
         for grid in &grids {
             let piece = &grid.elements;
@@ -444,7 +453,7 @@ impl FaceCells {
         if !has_patches {
             let elements =
                 parts.into_iter().map(|parts| parts.into_iter().map(|part| part.polygon).collect()).collect();
-            return Self { grids, elements: Parts::of(elements), parents: Vec::new(), patches: Vec::new() };
+            return Self { grids, elements: Parts::of(elements), parents: Vec::new(), patches: Vec::new(), partitions };
         }
         let (mut elements, mut parents) = (vec![Vec::new(); cells], vec![Vec::new(); cells]);
         let mut patches = Vec::new();
@@ -456,7 +465,7 @@ impl FaceCells {
             patches.push(part.polygon);
         }
         let (elements, parents) = (Parts::of(elements), parents.into_iter().flatten().collect());
-        Self { grids, elements, parents, patches }
+        Self { grids, elements, parents, patches, partitions }
     }
 }
 

@@ -1,0 +1,69 @@
+//! Radiosity that is linear inside elements, for pictures and for gathering at points.
+
+use glam::DVec3;
+use radiosity_core::BandValues;
+use radiosity_geometry::mesh::{Place, Reconstruction};
+
+use crate::Geometry;
+
+/// Irradiance reconstructed linearly over the exposed elements of a geometry, with the radiosity that follows from it.
+///
+/// ```text
+/// B(x) = E_e + ρ_e H(x)
+/// ```
+///
+/// for x in element e. E and ρ are constant on a surface and H is continuous across materials, so B jumps where it does and nowhere else; the
+/// mean of B over each element is that of the solution. [`Reconstruction`] says what H is inside elements and where it is cut.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearRadiosity {
+    irradiance: Reconstruction,
+    emission: BandValues,
+    reflectance: BandValues,
+    /// Mesh element of every exposed element.
+    exposed: Vec<u32>,
+}
+
+impl LinearRadiosity {
+    /// From the irradiance H of the exposed elements in W/m².
+    ///
+    /// # Panics
+    ///
+    /// If `irradiance` is of another geometry.
+    pub fn new(geometry: &Geometry<'_>, irradiance: &BandValues) -> Self {
+        assert_eq!(irradiance.len(), geometry.elements().len(), "irradiance of the exposed elements");
+        Self {
+            irradiance: Reconstruction::new(geometry.mesh(), geometry.spread(irradiance).values()),
+            emission: geometry.emission(),
+            reflectance: geometry.reflectance(),
+            exposed: geometry.exposed().to_vec(),
+        }
+    }
+
+    /// H over the elements of the mesh.
+    pub fn irradiance(&self) -> &Reconstruction {
+        &self.irradiance
+    }
+
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.emission.count()
+    }
+
+    /// Where a point of exposed element e lies in it, for all bands.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such element.
+    pub fn place(&self, e: usize, point: DVec3) -> Place {
+        self.irradiance.place(self.exposed[e] as usize, point)
+    }
+
+    /// B in W/m² at a place of exposed element e in one band.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such element or band.
+    pub fn radiosity(&self, e: usize, place: &Place, band: usize) -> f64 {
+        self.emission.band(band)[e] + self.reflectance.band(band)[e] * self.irradiance.value(place, band)
+    }
+}
