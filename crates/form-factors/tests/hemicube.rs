@@ -5,7 +5,7 @@ use pulp::Arch;
 use radiosity_form_factors::analytic::{Analytic, differential, unoccluded};
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
-use radiosity_gallery::boxes::{box_in_cube, faces, material, unit_cube};
+use radiosity_gallery::boxes::{box_in_cube, faces, material, scene_of_loops, unit_cube};
 use radiosity_geometry::mesh::{Mesh, MeshSettings, Subdivision};
 use radiosity_geometry::{Facets, Occluders, Polygon, Scene};
 
@@ -187,20 +187,59 @@ fn a_near_target_that_is_half_hidden_gets_half_the_value_of_the_pair() {
 }
 
 /// A square of side 1e-3 at distance 1 is far smaller than a pixel of resolution 32. Its factor is that of its pair (1e-8
-/// and a part in 1e5), and nothing behind a plate.
+/// and a part in 1e5), and nothing behind a plate. Seen from the source's middle it begins at x = 0.2709 and ends at 0.2718 of the
+/// plate's plane, where a plate that begins at 0.272 hides what the pixel shows around it but not the square.
 #[test]
 fn targets_between_pixel_centres_are_seen_unless_something_is_before_them() {
-    for hidden in [false, true] {
+    for (begin, hidden) in [(-0.5, true), (0.27, true), (0.272, false), (1.5, false)] {
         let mut facets = Facets::new();
         facets.push(vec![floor((-0.1, -0.1), (0.1, 0.1))], false);
         facets.push(vec![lid((0.301, 0.2), (0.302, 0.201), 1.0)], false);
-        // A plate before or beside it.
-        let x = if hidden { 0.0 } else { 2.0 };
-        facets.push(vec![lid((x - 0.5, -0.5), (x + 0.5, 0.5), 0.9)], false);
+        facets.push(vec![lid((begin, -0.5), (begin + 1.0, 0.5), 0.9)], false);
         let exact = unoccluded(&facets.polygons(0)[0], &facets.polygons(1)[0], 1e-14).value;
-        let found = row(&hemicube(&facets, 32, 1), 0)[1];
         let expected = if hidden { 0.0 } else { exact };
-        assert!((found - expected).abs() <= 1e-5 * exact, "{found:e} instead of {expected:e}");
+        for seed in 0..8 {
+            let found = row(&hemicube(&facets, 32, seed), 0)[1];
+            assert!((found - expected).abs() <= 1e-5 * exact, "plate at {begin}: {found:e} instead of {expected:e}");
+        }
+    }
+}
+
+/// A room of side 4 that a sheet with two sides parts at x. Nothing of either part is seen from the other, wherever the sheet stands:
+/// on a line of the mesh (4/3), off all of them, or so near a wall that elements beside it lie between the pixel centres.
+#[test]
+fn a_closed_partition_hides_all_that_is_behind_it() {
+    for x in [0.1, 4.0 / 3.0, 1.48, 2.9, 3.97] {
+        let mut loops: Vec<_> = faces(DVec3::ZERO, DVec3::splat(4.0), true).into_iter().map(|face| (face, 0)).collect();
+        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(y, z)| DVec3::new(x, y, z));
+        loops.push((corners.to_vec(), 0));
+        loops.push((corners.into_iter().rev().collect(), 0));
+        let facets = elements(&scene_of_loops(&loops, vec![material("grey", 0.5, 0.0)]), 6);
+        // On which side of the sheet an element lies; those that reach to both sides lie on none.
+        let side = |e: usize| {
+            let (polygon, near) = (&facets.polygons(e)[0], 1e-9);
+            let (lo, hi) = polygon.bounds();
+            let (before, behind) = (hi.x < x + near, lo.x > x - near);
+            let on_sheet = before && behind;
+            match (before && (!on_sheet || polygon.normal().x < 0.0), behind && (!on_sheet || polygon.normal().x > 0.0))
+            {
+                (true, false) => -1,
+                (false, true) => 1,
+                _ => 0,
+            }
+        };
+        let sides: Vec<i32> = (0..facets.len()).map(side).collect();
+        for resolution in [16, 32, 64] {
+            let hemicube = hemicube(&facets, resolution, 1);
+            let mut hidden = 0;
+            for s in (0..facets.len()).filter(|&s| sides[s] != 0) {
+                for (t, value) in row(&hemicube, s).into_iter().enumerate().filter(|&(t, _)| sides[t] == -sides[s]) {
+                    assert_eq!(value, 0.0, "sheet at {x}, {resolution} pixels, from {s} to {t}");
+                    hidden += 1;
+                }
+            }
+            assert!(hidden > 2 * 36 * 36, "sheet at {x}: {hidden} pairs");
+        }
     }
 }
 

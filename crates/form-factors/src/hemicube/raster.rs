@@ -9,11 +9,16 @@
 //! Depth is 1/t = (n·d)/(n·a), also linear. Depth and item share one word: the depth's leading bits above the number of
 //! the item. The nearer of two is then the larger word, so that a run is drawn by `max` alone, on any number of lanes, and
 //! neither the order of drawing nor the instruction set changes a bit of the result.
+//!
+//! A front that covers no pixel centre is looked at along one more direction, that of its own centre: it is seen there unless a
+//! polygon that covers the direction is nearer, by the edge functions and depths above. What the pixels around it show does not
+//! say, since what is nearer may itself end, or lie, between them. So nothing is seen of what others hide wholly, by one polygon or
+//! by several that meet.
 
 use pulp::{Simd, WithSimd};
 
 use super::delta::DeltaFormFactors;
-use super::view::{Seen, View, on_face};
+use super::view::{Seen, Side, View, on_face};
 
 /// Bits of a word that hold the item: at least so many, and more where a face has more polygons.
 ///
@@ -21,6 +26,9 @@ use super::view::{Seen, View, on_face};
 const ITEM_BITS: u32 = 20;
 /// Backs are set behind the fronts of the same sheet by this share of their depth.
 const BEHIND: f64 = 1.0 - 1.0 / (1 << 30) as f64;
+/// Places of right and up among the axes of a face.
+const RIGHT: usize = 1;
+const UP: usize = 2;
 /// Item of pixels that show nothing.
 pub(super) const EMPTY: usize = 0;
 /// Item of pixels that show the back of something.
@@ -43,7 +51,7 @@ pub(super) struct Shown {
     pub whole: f64,
     /// Number of these pixels.
     pub whole_pixels: u64,
-    /// Of a polygon between pixel centres: whether nothing lies before it where its centre is.
+    /// Of a polygon between pixel centres: whether nothing lies before its centre.
     pub glimpsed: bool,
 }
 
@@ -81,6 +89,15 @@ struct Edge {
     scale: f64,
 }
 
+/// The centre of a front between the pixel centres: the direction forward + x·right + y·up and the depth there.
+#[derive(Clone, Copy, Debug)]
+struct Glimpse {
+    item: usize,
+    x: f64,
+    y: f64,
+    depth: f64,
+}
+
 /// Item buffer of one face and what it takes to draw it.
 #[derive(Debug, Default)]
 pub(super) struct Canvas {
@@ -89,6 +106,8 @@ pub(super) struct Canvas {
     /// Edges that bound the polygon at hand to the left, and to the right.
     left: Vec<Edge>,
     right: Vec<Edge>,
+    /// Fronts between the pixel centres.
+    glimpses: Vec<Glimpse>,
 }
 
 /// Pixels to which rows are padded: the widest vector.
@@ -134,7 +153,8 @@ impl WithSimd for Draw<'_> {
             scan(words, self.delta.row(self.face, row), item_mask, self.shown);
         }
         if self.glimpse {
-            self.glimpse(item_mask);
+            self.find_glimpses();
+            self.hide_glimpses();
         }
     }
 }
@@ -183,24 +203,32 @@ impl Draw<'_> {
         }
     }
 
-    /// The rows of pixels from the lowest to above the highest corner; all of them if the polygon reaches behind the face.
+    /// The rows of pixels from the lowest to above the highest corner.
     #[inline(always)]
     fn rows(&self, seen: &Seen) -> Option<(usize, usize)> {
+        let (lo, hi) = self.extent(seen, UP);
+        let rows = self.delta.rows(self.face);
+        let (half, first) = (0.5 * self.delta.resolution() as f64, self.delta.resolution() - rows);
+        let at = |y: f64| (y + 1.0) * half - 0.5 - first as f64;
+        let (begin, end) = (at(lo).ceil().max(0.0), at(hi).floor().min(rows as f64 - 1.0));
+        (begin <= end).then_some((begin as usize, end as usize + 1))
+    }
+
+    /// Where a polygon begins and ends in x or y, or all directions if it reaches behind the face.
+    #[inline(always)]
+    fn extent(&self, seen: &Seen, axis: usize) -> (f64, f64) {
         let (mut ahead, mut lo, mut hi) = (true, f64::INFINITY, f64::NEG_INFINITY);
         for side in &self.view.sides[seen.sides.clone()] {
-            let [forward, _, up] = on_face(self.face, side.corner);
-            ahead &= forward > 0.0;
-            (lo, hi) = (lo.min(up / forward), hi.max(up / forward));
+            let corner = on_face(self.face, side.corner);
+            ahead &= corner[0] > 0.0;
+            (lo, hi) = (lo.min(corner[axis] / corner[0]), hi.max(corner[axis] / corner[0]));
         }
-        let rows = self.delta.rows(self.face);
         if !ahead {
-            return Some((0, rows));
+            return (f64::NEG_INFINITY, f64::INFINITY);
         }
-        let (half, first) = (0.5 * self.delta.resolution() as f64, self.delta.resolution() - rows);
         // A millionth of a pixel is far more than rounding, and far less than a row.
-        let at = |y: f64| (y + 1.0) * half - 0.5 - first as f64;
-        let (begin, end) = ((at(lo) - 1e-6).ceil().max(0.0), (at(hi) + 1e-6).floor().min(rows as f64 - 1.0));
-        (begin <= end).then_some((begin as usize, end as usize + 1))
+        let margin = 2e-6 / self.delta.resolution() as f64;
+        (lo - margin, hi + margin)
     }
 
     /// Edges of a polygon on this face, by the side that they bound.
@@ -222,31 +250,60 @@ impl Draw<'_> {
         }
     }
 
-    /// Looks, for every front that lies between the pixel centres, whether the pixel of its centre shows something nearer.
+    /// Finds the fronts that cover no pixel centre and have their own centre on this face, from the lowest to the highest.
     #[inline(always)]
-    fn glimpse(&mut self, item_mask: u64) {
-        let (rows, resolution) = (self.delta.rows(self.face), self.delta.resolution());
-        let (first_row, half) = (resolution - rows, 0.5 * resolution as f64);
+    fn find_glimpses(&mut self) {
+        let bottom = if self.face == 0 { -1.0 } else { 0.0 };
+        self.canvas.glimpses.clear();
         for (k, &number) in self.view.faces[self.face].iter().enumerate() {
-            let seen = &self.view.seen[number as usize];
-            if !seen.front || self.shown[FIRST + k].whole_pixels > 0 {
+            let (seen, item) = (&self.view.seen[number as usize], FIRST + k);
+            if !seen.front || self.shown[item].whole_pixels > 0 {
                 continue;
             }
             let sides = &self.view.sides[seen.sides.clone()];
             let [forward, right, up] = on_face(self.face, sides.iter().map(|side| side.corner).sum());
-            let (x, y) = (((right / forward) + 1.0) * half, ((up / forward) + 1.0) * half - first_row as f64);
-            let inside = forward > 0.0 && x >= 0.0 && y >= 0.0 && x < resolution as f64 && y < rows as f64;
-            if !inside {
+            let (x, y) = (right / forward, up / forward);
+            if forward > 0.0 && (-1.0..1.0).contains(&x) && (bottom..1.0).contains(&y) {
+                self.shown[item].glimpsed = true;
+                self.canvas.glimpses.push(Glimpse { item, x, y, depth: linear(on_face(self.face, seen.plane), x, y) });
+            }
+        }
+        self.canvas.glimpses.sort_unstable_by(|a, b| a.y.total_cmp(&b.y));
+    }
+
+    /// Takes back the glimpses that lie behind some polygon.
+    #[inline(always)]
+    fn hide_glimpses(&mut self) {
+        let glimpses = &self.canvas.glimpses;
+        if glimpses.is_empty() {
+            return;
+        }
+        for &number in &self.view.faces[self.face] {
+            let seen = &self.view.seen[number as usize];
+            let (lo, hi) = self.extent(seen, UP);
+            let from = glimpses.partition_point(|glimpse| glimpse.y < lo);
+            let level = &glimpses[from..from + glimpses[from..].partition_point(|glimpse| glimpse.y <= hi)];
+            if level.is_empty() {
                 continue;
             }
-            let (i, j) = (x as usize, y as usize);
-            let [forward, right, up] = on_face(self.face, seen.plane);
-            // The polygon's own plane at the pixel's centre, which may miss the polygon by a pixel.
-            let depth = forward + right * self.centres[i] + up * self.centres[j + first_row];
-            let nearest = f64::from_bits(self.canvas.words[j * self.centres.len() + i].to_bits() & !item_mask);
-            self.shown[FIRST + k].glimpsed = depth + (right.abs() + up.abs()) / half >= nearest * BEHIND;
+            let (lo, hi) = self.extent(seen, RIGHT);
+            // What is nearer by less is the same surface.
+            let keep = if seen.front { BEHIND } else { BEHIND * BEHIND };
+            let (plane, sides) = (on_face(self.face, seen.plane), &self.view.sides[seen.sides.clone()]);
+            for &Glimpse { item, x, y, depth } in level.iter().filter(|glimpse| (lo..=hi).contains(&glimpse.x)) {
+                let inside = |side: &Side| linear(on_face(self.face, side.edge), x, y) + side.slack >= 0.0;
+                if linear(plane, x, y) * keep > depth && sides.iter().all(inside) {
+                    self.shown[item].glimpsed = false;
+                }
+            }
         }
     }
+}
+
+/// v·d for the direction d = forward + x·right + y·up, given v on the axes of the face.
+#[inline(always)]
+fn linear([forward, right, up]: [f64; 3], x: f64, y: f64) -> f64 {
+    forward + right * x + up * y
 }
 
 /// Depth and item of one polygon in one row, as vectors.
