@@ -5,6 +5,7 @@
 //! (`radiosity-io` writes them), BRDFs and a view-dependent second pass. Every facet is shown in the one radiosity it has,
 //! the same from all sides and without interpolation, so that blockiness is seen as it is.
 
+pub mod brdf;
 pub mod camera;
 pub mod false_colour;
 pub mod flat;

@@ -105,7 +105,7 @@ fn surfaces(raw: &Raw, material_of: &[usize], report: &mut ImportReport) -> Vec<
 }
 
 fn uniform(name: &str, reflectance: f64) -> Material {
-    Material { name: name.to_owned(), reflectance: vec![reflectance; BANDS], emission: vec![0.0; BANDS] }
+    Material::diffuse(name, vec![reflectance; BANDS], vec![0.0; BANDS])
 }
 
 /// Materials of faces, made when first used.

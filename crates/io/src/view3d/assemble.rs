@@ -125,7 +125,7 @@ fn material(surface: &RawSurface, options: Option<&ReadOptions>) -> Result<Mater
             (format!("emittance {}", surface.emittance), clamped)
         }
     };
-    Ok(Material { name, reflectance: vec![reflectance; BANDS], emission: vec![0.0; BANDS] })
+    Ok(Material::diffuse(&name, vec![reflectance; BANDS], vec![0.0; BANDS]))
 }
 
 /// Counts repeated surfaces and open edges. Subsurfaces lie within their bases and take no part.
