@@ -27,22 +27,22 @@ fn functions() -> Vec<(&'static str, Box<dyn Bsdf>)> {
     all
 }
 
-/// ∫ g dω over the half sphere of `peak`, graded towards it: θ and φ are cubes of what runs evenly, about those of the peak.
+/// ∫ g dω over the half sphere of `peak`, graded towards it: θ and φ are squares of what runs evenly, about those of the peak.
 fn half_sphere(peak: DVec3, g: &mut dyn FnMut(DVec3) -> f64) -> f64 {
     const STEPS: usize = 480;
     let (side, middle) = (peak.z.signum(), peak.z.abs().min(1.0).acos());
-    let (least, most) = (-middle.cbrt(), (0.5 * PI - middle).max(0.0).cbrt());
+    let (least, most) = (-middle.sqrt(), (0.5 * PI - middle).max(0.0).sqrt());
     let azimuth = peak.y.atan2(peak.x);
     let mut sum = 0.0;
     for k in 0..STEPS {
         let t = least + (most - least) * (k as f64 + 0.5) / STEPS as f64;
-        let theta = middle + t * t * t;
-        let step = 3.0 * t * t * (most - least) / STEPS as f64 * theta.sin();
+        let theta = middle + t * t.abs();
+        let step = 2.0 * t.abs() * (most - least) / STEPS as f64 * theta.sin();
         for l in 0..STEPS {
             let r = -1.0 + 2.0 * (l as f64 + 0.5) / STEPS as f64;
-            let phi = azimuth + PI * r * r * r;
+            let phi = azimuth + PI * r * r.abs();
             let w = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), side * theta.cos());
-            sum += step * 6.0 * PI * r * r / STEPS as f64 * g(w);
+            sum += step * 4.0 * PI * r.abs() / STEPS as f64 * g(w);
         }
     }
     sum
