@@ -91,7 +91,10 @@ impl Scene {
         }
         let needs = materials[0].reflectance.len();
         for m in &materials {
-            for has in [Some(m.reflectance.len()), Some(m.emission.len()), m.specular.as_ref().map(Specular::bands)].into_iter().flatten() {
+            for has in [Some(m.reflectance.len()), Some(m.emission.len()), m.specular.as_ref().map(Specular::bands)]
+                .into_iter()
+                .flatten()
+            {
                 if has != needs {
                     return Err(SceneError::Bands { name: m.name.clone(), has, needs });
                 }

@@ -174,6 +174,9 @@ impl<'a> Materials<'a> {
         if !raw.specular.is_empty() {
             report.specular.push(format!("{}: {}", raw.name, raw.specular));
         }
+        if !raw.transparent.is_empty() {
+            report.transparent.push(format!("{}: {}", raw.name, raw.transparent));
+        }
         if raw.kd.is_none() {
             report.materials_without_kd.push(raw.name.clone());
         }
@@ -189,14 +192,15 @@ impl<'a> Materials<'a> {
         if largest_sum > 1.0 {
             report.kd_ks_above_1.push(raw.name.clone());
         }
-        let reflectance = match self.options.clamp_reflectance {
+        let (reflectance, ks) = match self.options.clamp_reflectance {
             Some(clamp) => {
                 let factor = f64::min(1.0, f64::min(clamp / largest_kd, 1.0 / largest_sum));
                 if factor < 1.0 {
                     report.clamped.push(raw.name.clone());
                 }
                 // The minimum takes away what rounding may have added.
-                kd.map(|kd| if factor < 1.0 { f64::min(kd * factor, clamp) } else { kd })
+                let clamped = |k: f64| if factor < 1.0 { f64::min(k * factor, clamp) } else { k };
+                (kd.map(clamped), raw.ks.map(clamped))
             }
             None => {
                 let (path, material) = (raw.path.clone(), raw.name.clone());
@@ -206,13 +210,13 @@ impl<'a> Materials<'a> {
                 if largest_sum > 1.0 {
                     return Err(ReadError::ReflectanceSum { path, line: raw.lines.ks, material, value: largest_sum });
                 }
-                kd
+                (kd, raw.ks)
             }
         };
+        let diffuse = if raw.optics.is_bare() { [0.0; BANDS] } else { reflectance };
         Ok(Material {
-            name: raw.name.clone(),
-            reflectance: reflectance.to_vec(),
-            emission: raw.ke.map(|l| PI * l).to_vec(),
+            specular: raw.optics.specular(reflectance, ks),
+            ..Material::diffuse(&raw.name, diffuse.to_vec(), raw.ke.map(|l| PI * l).to_vec())
         })
     }
 }

@@ -15,6 +15,8 @@
 pub(crate) mod assemble;
 pub(crate) mod library;
 mod lines;
+mod optics;
+
 mod report;
 pub(crate) mod scan;
 #[cfg(test)]

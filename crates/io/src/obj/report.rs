@@ -71,8 +71,10 @@ pub struct ImportReport {
     pub clamped: Vec<String>,
     /// Textures, left out.
     pub textures: Vec<Texture>,
-    /// Materials with a specular or transparent part, which is left out, as `name: Ks 0.2, d 0.4`.
+    /// Materials with a specular part, as `name: Ks 0.2, Ns 50`.
     pub specular: Vec<String>,
+    /// Materials that let light through without refracting it, which is left out, as `name: d 0.4`.
+    pub transparent: Vec<String>,
     /// One sentence for everything above that changes the answer or is left out.
     pub warnings: Vec<String>,
 }
@@ -116,7 +118,8 @@ impl ImportReport {
             (self.materials_missing.join(", "), "materials not defined, replaced by the default reflectance"),
             (self.materials_without_kd.join(", "), "materials without Kd reflect nothing or the default"),
             (self.clamped.join(", "), "materials scaled down to the clamped reflectance"),
-            (self.specular.join("; "), "specular and transparent parts left out"),
+            (self.specular.join("; "), "specular parts count only where specular bounces are asked for"),
+            (self.transparent.join("; "), "transparent parts left out"),
         ];
         for (names, what) in listed.into_iter().filter(|(names, _)| !names.is_empty()) {
             self.warnings.push(format!("{what}: {names}"));
