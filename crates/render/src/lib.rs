@@ -8,14 +8,23 @@
 pub mod brdf;
 pub mod camera;
 pub mod false_colour;
+pub mod film;
 pub mod flat;
 pub mod image;
+pub mod numbers;
+pub mod path_class;
+pub mod path_tracer;
+pub mod stage;
 pub mod tone;
 pub mod view;
 
 pub use camera::{Camera, CameraError};
 pub use false_colour::{Scale, ScaleError};
+pub use film::Film;
 pub use flat::flat_picture;
 pub use image::Image;
+pub use path_class::{PathClass, PathClasses};
+pub use path_tracer::PathTracer;
+pub use stage::Stage;
 pub use tone::Exposure;
 pub use view::{BackFaces, View, ViewSettings, render};
