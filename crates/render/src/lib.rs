@@ -16,7 +16,9 @@ pub mod path_class;
 pub mod path_tracer;
 pub mod stage;
 pub mod tone;
+pub mod two_pass;
 pub mod view;
+mod walk;
 
 pub use camera::{Camera, CameraError};
 pub use false_colour::{Scale, ScaleError};
@@ -27,4 +29,5 @@ pub use path_class::{PathClass, PathClasses};
 pub use path_tracer::PathTracer;
 pub use stage::Stage;
 pub use tone::Exposure;
+pub use two_pass::{FacetIrradiance, Field, Stored, TwoPass, TwoPassSettings};
 pub use view::{BackFaces, View, ViewSettings, render};

@@ -98,6 +98,12 @@ impl PathClasses {
         Self(self.0 | 1 << class.index())
     }
 
+    /// Without `class`.
+    #[must_use]
+    pub fn without(self, class: PathClass) -> Self {
+        Self(self.0 & !(1 << class.index()))
+    }
+
     /// Whether `class` is in the set.
     pub fn has(self, class: PathClass) -> bool {
         self.0 >> class.index() & 1 == 1
