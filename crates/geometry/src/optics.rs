@@ -52,6 +52,15 @@ impl Specular {
         }
     }
 
+    /// Whether bands `a` and `b` are treated alike.
+    pub fn alike(&self, a: usize, b: usize) -> bool {
+        match self {
+            Self::Mirror { reflectance } | Self::Phong { reflectance, .. } => reflectance[a] == reflectance[b],
+            Self::Conductor { index, absorption, .. } => index[a] == index[b] && absorption[a] == absorption[b],
+            Self::Dielectric { tint, .. } => tint[a] == tint[b],
+        }
+    }
+
     /// A conductor that reflects `reflectance` of every band at normal incidence.
     ///
     /// Of the conductors that do, the one with η = 1, κ = 2√(ρ/(1 − ρ)): since ρ = κ²/(4 + κ²) then. ρ must be below 1.
