@@ -28,6 +28,7 @@ pub(crate) fn assemble(
     mut report: ImportReport,
 ) -> Result<Imported, ReadError> {
     count_statements(path, &raw, &mut report);
+    let specular = materials.is_some_and(|(_, options)| options.specular);
     let (materials, material_of) = match materials {
         Some((library, options)) => {
             report.warnings.extend(library.warnings.iter().cloned());
@@ -44,7 +45,7 @@ pub(crate) fn assemble(
     };
     // All materials have three bands, so an empty scene is the only way to fail.
     let scene = Scene::new(surfaces, materials).map_err(|_| empty())?;
-    report.warn();
+    report.warn(specular);
     Ok(Imported { scene, report })
 }
 

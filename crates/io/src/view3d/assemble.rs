@@ -85,7 +85,7 @@ pub(super) fn assemble(path: &Path, raw: Raw, options: Option<&ReadOptions>) -> 
     };
     // All materials have the same bands, so an empty scene is the only way to fail.
     let scene = Scene::new(surfaces, materials).map_err(|_| empty())?;
-    report.warn();
+    report.warn(false);
     Ok(View3dScene {
         title: raw.title,
         control: raw.control,
