@@ -28,6 +28,6 @@ pub use image::Image;
 pub use path_class::{PathClass, PathClasses};
 pub use path_tracer::PathTracer;
 pub use stage::Stage;
-pub use tone::Exposure;
+pub use tone::{Exposure, Tone};
 pub use two_pass::{FacetIrradiance, Field, Stored, TwoPass, TwoPassSettings};
 pub use view::{BackFaces, View, ViewSettings, render};
