@@ -36,7 +36,14 @@ impl Folder {
         fs::read_to_string(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
+    /// Reads a file that is no text.
+    #[allow(dead_code)] // each test file reads what it needs
+    pub fn bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
     /// Names of all files, sorted.
+    #[allow(dead_code)] // each test file uses what it needs
     pub fn files(&self) -> Vec<String> {
         let names = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<String> = names.collect();
@@ -65,6 +72,7 @@ impl Drop for Folder {
 }
 
 /// Opposed unit squares a distance 1 apart, the upper one a lamp, as OBJ with `squares.mtl`.
+#[allow(dead_code)] // each test file uses the scenes it needs
 pub const SQUARES: &str = "mtllib squares.mtl
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0
 v 0 0 1\nv 0 1 1\nv 1 1 1\nv 1 0 1
@@ -73,6 +81,7 @@ usemtl lamp\nf 5 6 7 8
 ";
 
 /// Materials of [`SQUARES`].
+#[allow(dead_code)] // each test file uses the scenes it needs
 pub const SQUARES_MTL: &str = "newmtl grey\nKd 0.5 0.4 0.3\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n";
 
 /// The unit cube from inside, its ceiling a lamp that reflects nothing, as OBJ with `cube.mtl`.
