@@ -292,6 +292,15 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
+    /// Specular surfaces in a row that light may take between diffuse ones: 0, 1, …, any; by rays, 4,096 a row.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "0",
+        value_parser = bounces,
+        conflicts_with_all = ["form_factors", "after", "tolerance"]
+    )]
+    pub specular_bounces: SpecularBounces,
     /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting, stochastic, or
     /// hierarchical, which is cg on the hierarchical store.
     #[arg(long, value_name = "NAME")]

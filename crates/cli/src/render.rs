@@ -17,14 +17,15 @@ use serde_json::{Value, json};
 
 use crate::args::RenderArgs;
 use crate::film_state::{self, Settings};
+use crate::solve::SPECULAR_RAYS;
 use crate::viewpoint::Viewpoint;
 use crate::{Failure, Verdict, output, scene, solve};
 
 /// Elements of the first pass, about, if no mesh is asked for.
 const ELEMENTS: f64 = 2000.0;
 
-/// Rays of a row of the first pass, straight and by way of specular surfaces: neighbouring elements should not differ to the eye.
-const RAYS: u32 = 4096;
+/// Rays of a row of straight form factors of the first pass, as many as by way of specular surfaces: neighbouring elements should not differ to the eye.
+const RAYS: u32 = SPECULAR_RAYS;
 
 /// Noise at which a picture is done if none is asked for.
 const NOISE: f64 = 0.02;
@@ -39,6 +40,9 @@ const EVERY: Duration = Duration::from_secs(3);
 pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     for path in [Some(&args.output), args.preview.as_ref()].into_iter().flatten() {
         format_of(path)?;
+    }
+    for path in [Some(&args.output), args.preview.as_ref(), args.state.as_ref()].into_iter().flatten() {
+        in_a_folder(path)?;
     }
     let imported = scene::with_specular(&args.common)?;
     let scene = &imported.scene;
@@ -65,7 +69,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         studio.expose(&mut film, &stage, &view, |film| tracer.expose(&view.camera, seed, film))?;
         return studio.finish(&imported, &film, &stage, &view, None);
     }
-    let transport = SpecularTransport { bounces: args.specular_bounces, rays: RAYS };
+    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
     let first = run_enhanced(scene, &strategy, transport, &mut ())?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
     let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
@@ -316,6 +320,16 @@ fn dry_run(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpoi
     }
     output::print(&args.common, &object, &[line]);
     Ok(Verdict::Done)
+}
+
+/// Refuses a file that could not be written after all the work.
+fn in_a_folder(path: &Path) -> Result<(), Failure> {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(format!("{}: there is no folder {}; make it first", path.display(), folder.display()).into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Kinds of pictures.

@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use radiosity::{
-    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method, Round, Run,
-    RunError, Saving,
+    Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, Method,
+    Phase, Round, Run, RunError, Saving, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
-use radiosity::{default_method, predict, run as run_strategy, run_adaptive, run_saved, run_to_tolerance};
+use radiosity::{
+    default_method, predict, run as run_strategy, run_adaptive, run_enhanced, run_saved, run_to_tolerance,
+};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
+use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 use radiosity_geometry::{Scene, SceneChange};
@@ -32,6 +35,9 @@ const HIERARCHICAL: &str = "hierarchical";
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
+
+/// Rays of a row of form factors by way of specular surfaces.
+pub const SPECULAR_RAYS: u32 = 4096;
 
 /// Estimated error at which a solver that samples stops if nothing is asked for.
 const SAMPLED_ERROR: f64 = 1e-2;
@@ -63,6 +69,8 @@ pub fn strategy(geometry: &Geometry<'_>, mesh: MeshSettings, estimator: &Estimat
 enum Way<'a> {
     /// By one run.
     Straight,
+    /// By one run with light by way of specular surfaces, whose form factors took so much.
+    Enhanced(Phase),
     /// By refinement to a tolerance.
     Refined(Refinement),
     /// From the solution of another scene, which took so many seconds.
@@ -81,7 +89,8 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
     if let Some(path) = args.output.as_deref() {
         format_of(path)?;
     }
-    let imported = scene::with_materials(&args.common)?;
+    let specular = args.specular_bounces != SpecularBounces::None;
+    let imported = if specular { scene::with_specular(&args.common)? } else { scene::with_materials(&args.common)? };
     let scene = &imported.scene;
     if args.repair && !scene.closed() {
         return Err(RepairError::Open.into());
@@ -100,6 +109,12 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let geometry = Geometry::new(scene, &mesh)?;
     let mut strategy = strategy(&geometry, mesh, &args.estimator, args.common.seed);
     finish_strategy(&mut strategy, args);
+    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
+    if specular && args.solver.is_none() && strategy.shape == Shape::Full {
+        // Extended form factors are not symmetric.
+        "gauss-seidel".clone_into(&mut strategy.solver);
+    }
     strategy.check()?;
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, None));
@@ -107,6 +122,10 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     drop(geometry);
     let (run, way) = match args.tolerance {
         Some(tolerance) => to_tolerance(args, scene, &mut strategy, tolerance)?,
+        None if specular => {
+            let EnhancedRun { run, specular, .. } = run_enhanced(scene, &strategy, transport, &mut ())?;
+            (run, Way::Enhanced(specular))
+        }
         None => (run_strategy(scene, &strategy, &mut ())?, Way::Straight),
     };
     finish(args, imported, &strategy, None, &run, way)
@@ -259,6 +278,14 @@ fn finish(
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
+        Way::Enhanced(phase) => {
+            object["extended_form_factors"] = output::phase(&phase);
+            lines.push(format!(
+                "by way of specular surfaces: {} rays in {:.3} s",
+                phase.cost.rays,
+                phase.time.as_secs_f64()
+            ));
+        }
         Way::Refined(refinement) => {
             let (estimate, met) = refinement.result();
             object["refinement"] = refinement.json();

@@ -11,7 +11,7 @@ const ROOM: &str = include_str!("data/specular_room.obj");
 const ROOM_MTL: &str = include_str!("data/specular_room.mtl");
 
 /// A few elements and pixels of the room.
-const SMALL: &str = "render specular_room.obj --quiet --subdivide 2 --size 20x15 --fov 100 --noise 0";
+const SMALL: &str = "render specular_room.obj --quiet --subdivide 1 --size 20x15 --fov 100 --noise 0";
 
 fn room(test: &str) -> Folder {
     let folder = Folder::new(test);
@@ -81,7 +81,7 @@ fn a_picture_that_goes_on_is_that_of_one_run() {
 fn classes_add_up_to_the_whole_by_either_method() {
     let folder = room("render_classes");
     for method in ["--gather 2", "--reference"] {
-        let small = if method == "--reference" { SMALL.replace("--subdivide 2", "") } else { SMALL.to_owned() };
+        let small = if method == "--reference" { SMALL.replace("--subdivide 1", "") } else { SMALL.to_owned() };
         let picture = |more: &str| {
             done(&folder.run(&format!("{small} --samples 16 {method} {more} --output p.exr")));
             pixels(&folder, "p.exr", (20, 15)).concat()
@@ -179,6 +179,7 @@ fn what_makes_no_picture_is_refused_in_one_sentence() {
     for (arguments, word) in [
         ("cube.obj --output out.jpg", ".png or .exr"),
         ("cube.obj --preview out.gif --output out.png", "out.gif"),
+        ("cube.obj --state nowhere/a.film --output out.png", "no folder nowhere"),
         ("cube.obj --paths LDE,LSX --output out.png", "LSX"),
         ("cube.obj --size 0x5 --output out.png", "0x5"),
         ("cube.obj --eye 1,2 --output out.png", "three numbers"),

@@ -32,6 +32,7 @@ impl Folder {
     }
 
     /// Reads a file.
+    #[allow(dead_code)] // each test file reads what it needs
     pub fn read(&self, name: &str) -> String {
         fs::read_to_string(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
