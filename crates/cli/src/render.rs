@@ -105,8 +105,8 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         "--reference".to_owned()
     } else {
         format!(
-            "{:?}, bounces {:?}, light points {}, gather {}",
-            strategy.mesh, args.specular_bounces, args.light_points, args.gather
+            "{:?} on {:?}, bounces {:?}, light points {}, gather {}",
+            strategy.method, strategy.mesh, args.specular_bounces, args.light_points, args.gather
         )
     };
     let classes: Vec<&str> =
@@ -117,6 +117,7 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         ("--seed", args.common.seed.to_string()),
         ("--paths", classes.join(",")),
         ("method", method),
+        ("version of the program", env!("CARGO_PKG_VERSION").to_owned()),
     ]
 }
 
