@@ -99,7 +99,7 @@ fn the_path_tracer_agrees() {
         const PATHS: u64 = 16384;
         for k in 0..PATHS {
             let mut numbers = Numbers::of_pixel(5, e as u64, k);
-            let u = numbers.next();
+            let u = numbers.draw();
             tracer.irradiance(polygon.sample(u[0], u[1]), polygon.normal(), &mut numbers, &mut value);
         }
         let truth = value[0] / PATHS as f64;

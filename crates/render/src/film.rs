@@ -115,7 +115,7 @@ mod tests {
         assert!(film.standard_errors().iter().all(|e| e.is_infinite()));
         for _ in 0..50 {
             film.expose(3, |_, numbers, value| {
-                let u = numbers.next();
+                let u = numbers.draw();
                 value[0] += u[0];
                 value[1] += if u[0] * u[0] + u[1] * u[1] < 1.0 { 1.0 } else { 0.0 };
                 Cost { rays: 1, ..Cost::default() }
@@ -137,7 +137,7 @@ mod tests {
             for _ in 0..rounds {
                 pool.install(|| {
                     film.expose(9, |[x, _], numbers, value| {
-                        value[0] += numbers.next()[2] * f64::from(x);
+                        value[0] += numbers.draw()[2] * f64::from(x);
                         Cost::default()
                     });
                 });

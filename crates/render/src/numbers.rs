@@ -30,7 +30,7 @@ impl Numbers {
     }
 
     /// The next four.
-    pub fn next(&mut self) -> [f64; 4] {
+    pub fn draw(&mut self) -> [f64; 4] {
         let set = self.set;
         self.set += 1;
         if set < NUM_DIMENSION_SETS_4D {
@@ -48,7 +48,7 @@ mod tests {
     /// Of 16 points of a net every sixteenth of the first coordinate has one, in each round, and rounds differ.
     #[test]
     fn a_round_is_spread_evenly_and_rounds_differ() {
-        let first = |pixel: u64, sample: u64| Numbers::of_pixel(1, pixel, sample).next()[0];
+        let first = |pixel: u64, sample: u64| Numbers::of_pixel(1, pixel, sample).draw()[0];
         let mut sixteenths: Vec<u32> = (0..16).map(|k| (16.0 * first(3, k)) as u32).collect();
         sixteenths.sort_unstable();
         assert_eq!(sixteenths, (0..16).collect::<Vec<_>>());
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn numbers_do_not_end() {
         let mut numbers = Numbers::new(7, 5);
-        let sum: f64 = (0..1000).flat_map(|_| numbers.next()).inspect(|u| assert!((0.0..1.0).contains(u))).sum();
+        let sum: f64 = (0..1000).flat_map(|_| numbers.draw()).inspect(|u| assert!((0.0..1.0).contains(u))).sum();
         assert!((sum / 4000.0 - 0.5).abs() < 0.02);
     }
 }

@@ -57,7 +57,7 @@ impl<'a> PathTracer<'a> {
     /// Another round of samples of every pixel of a camera, in W/(m² sr).
     pub fn expose(&self, camera: &Camera, seed: u64, film: &mut Film) {
         film.expose(seed, |[x, y], numbers, value| {
-            let u = numbers.next();
+            let u = numbers.draw();
             let direction = camera.direction(f64::from(x) + u[0], f64::from(y) + u[1]);
             self.radiance(camera.eye(), direction, numbers, value)
         });
@@ -70,7 +70,7 @@ impl<'a> PathTracer<'a> {
 
     /// Adds a sample of the irradiance in W/m² of a point with a normal to `value`; classes are those of a diffuse surface there.
     pub fn irradiance(&self, point: DVec3, normal: DVec3, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
-        let (u, frame) = (numbers.next(), Frame::new(normal));
+        let (u, frame) = (numbers.draw(), Frame::new(normal));
         let itinerary = Itinerary::AT_RECEIVER;
         let mut cost = light(self.stage, self.classes, itinerary, point, numbers, value, |i, f| {
             let cos = frame.local(i).z.max(0.0);
@@ -94,7 +94,7 @@ impl<'a> PathTracer<'a> {
             cost.rays += 1;
             let Some(arrival) = walk.arrive(self.stage, self.classes, value) else { return cost };
             let Some(share) = self.share(&arrival) else { return cost };
-            let goes_on = if numbers.next()[0] < share {
+            let goes_on = if numbers.draw()[0] < share {
                 self.reflect(&mut walk, &arrival, share, numbers, value, &mut cost);
                 true
             } else {
@@ -126,7 +126,7 @@ impl<'a> PathTracer<'a> {
         value: &mut [f64],
         cost: &mut Cost,
     ) {
-        let (u, reflectance) = (numbers.next(), self.stage.reflectance(arrival.place.surface));
+        let (u, reflectance) = (numbers.draw(), self.stage.reflectance(arrival.place.surface));
         walk.weight.iter_mut().zip(reflectance).for_each(|(w, rho)| *w *= rho / share);
         walk.itinerary = walk.itinerary.diffuse();
         let weight = &walk.weight;

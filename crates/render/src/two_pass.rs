@@ -82,6 +82,9 @@ pub enum TwoPassError {
     NoLightPoints,
 }
 
+/// Adds what the diffuse part of a surface where a path has arrived sends back along it.
+type AtDiffuse<'d> = dyn Fn(&Walk, &Arrival<'_>, &mut Numbers, &mut [f64]) -> Cost + 'd;
+
 /// Follows specular paths over stored irradiance.
 pub struct TwoPass<'a> {
     stage: &'a Stage<'a>,
@@ -118,7 +121,7 @@ impl<'a> TwoPass<'a> {
     /// Another round of samples of every pixel of a camera, in W/(m² sr).
     pub fn expose(&self, camera: &Camera, seed: u64, film: &mut Film) {
         film.expose(seed, |[x, y], numbers, value| {
-            let u = numbers.next();
+            let u = numbers.draw();
             let direction = camera.direction(f64::from(x) + u[0], f64::from(y) + u[1]);
             self.radiance(camera.eye(), direction, numbers, value)
         });
@@ -143,7 +146,7 @@ impl<'a> TwoPass<'a> {
         classes: PathClasses,
         numbers: &mut Numbers,
         value: &mut [f64],
-        diffuse: &dyn Fn(&Walk, &Arrival<'_>, &mut Numbers, &mut [f64]) -> Cost,
+        diffuse: &AtDiffuse<'_>,
     ) -> Cost {
         let mut cost = Cost::default();
         loop {
@@ -215,7 +218,7 @@ impl<'a> TwoPass<'a> {
         let reflectance = self.stage.reflectance(arrival.place.surface);
         let rays = f64::from(self.settings.gather);
         for _ in 0..self.settings.gather {
-            let u = numbers.next();
+            let u = numbers.draw();
             let mut inner = Walk { itinerary, ..walk.clone() };
             inner.weight.iter_mut().zip(reflectance).for_each(|(w, rho)| *w *= rho / rays);
             inner.worth /= rays;

@@ -73,7 +73,7 @@ impl Walk {
         cost: &mut Cost,
     ) -> bool {
         let Some(part) = arrival.part else { return false };
-        let (u, o) = (numbers.next(), arrival.o);
+        let (u, o) = (numbers.draw(), arrival.o);
         self.itinerary = self.itinerary.specular();
         let before = self.weight.clone();
         let sampled = part.sample(o, [u[0], u[1], u[2]], &mut self.weight);
@@ -103,7 +103,7 @@ impl Walk {
             return true;
         }
         let left = (self.weight.iter().copied().fold(0.0, f64::max) / self.worth).min(0.95);
-        if numbers.next()[0] >= left {
+        if numbers.draw()[0] >= left {
             return false;
         }
         self.weight.iter_mut().for_each(|w| *w /= left);
@@ -124,7 +124,7 @@ pub(crate) fn light(
     value: &mut [f64],
     scatter: impl FnOnce(DVec3, &mut [f64]) -> f64,
 ) -> Cost {
-    let u = numbers.next();
+    let u = numbers.draw();
     let Some(light) = stage.light_point([u[0], u[1], u[2]]) else { return Cost::default() };
     let to = light.point - point;
     let distance = to.length();

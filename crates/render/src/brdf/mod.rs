@@ -140,7 +140,7 @@ pub struct SpecularSurfaces {
 impl SpecularSurfaces {
     /// Of `scene`.
     pub fn new(scene: &Scene) -> Self {
-        let (mut functions, mut place): (Vec<(Box<dyn Bsdf>, bool)>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
+        let (mut functions, mut place) = (Vec::<(Box<dyn Bsdf>, bool)>::new(), Vec::new());
         for material in &scene.materials {
             place.push(material.specular.as_ref().map(|specular| {
                 functions.push((of_specular(specular), matches!(specular, Specular::Dielectric { .. })));
