@@ -184,7 +184,7 @@ impl Studio<'_> {
     /// Writes preview and state, where asked for.
     fn keep(&self, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<(), Failure> {
         if let Some(path) = &self.args.preview {
-            write(path, film, self.exposure(film, stage, view))?;
+            self.write(path, film, stage, view)?;
         }
         if let Some(path) = &self.args.state {
             film_state::write(path, film, &self.settings)?;
@@ -217,6 +217,23 @@ impl Studio<'_> {
         exposure.toned(tone)
     }
 
+    /// Writes a picture; gives the radiosity shown as white if there is one.
+    fn write(&self, path: &Path, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<Option<f64>, Failure> {
+        match format_of(path)? {
+            Format::Png => {
+                let exposure = self.exposure(film, stage, view);
+                let rgb: Vec<u8> = radiosities(film).into_iter().flat_map(|b| exposure.colour(b)).collect();
+                write_png(path, film.width, film.height, &rgb)?;
+                Ok(Some(exposure.white()))
+            }
+            Format::Exr => {
+                let rgb: Vec<[f32; 3]> = radiances(film).into_iter().map(|l| l.map(|l| l as f32)).collect();
+                write_exr(path, film.width, film.height, &rgb)?;
+                Ok(None)
+            }
+        }
+    }
+
     /// Writes the picture and reports.
     fn finish(
         &self,
@@ -227,14 +244,13 @@ impl Studio<'_> {
         first: Option<(&Strategy, &EnhancedRun<'_>)>,
     ) -> Result<Verdict, Failure> {
         let args = self.args;
-        let exposure = self.exposure(film, stage, view);
-        write(&args.output, film, exposure)?;
+        let white = self.write(&args.output, film, stage, view)?;
         let converged = first.is_none_or(|(_, first)| first.run.solution.outcome == Outcome::Converged);
         let met = args.noise.is_none_or(|noise| noise == 0.0 || self.good(film));
         let object = json!({
             "picture": args.output.display().to_string(),
             "camera": view.json(),
-            "white": exposure.white(),
+            "white": white,
             "method": if args.reference { "path tracing" } else { "two passes" },
             "first_pass": first.map(first_json),
             "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
@@ -246,14 +262,14 @@ impl Studio<'_> {
         });
         let mut lines: Vec<String> = first.map(first_line).into_iter().collect();
         lines.push(format!(
-            "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}; white is {:.4e} W/m²",
+            "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}{}",
             film.width,
             film.height,
             samples(film),
             self.seconds,
             film.cost.rays,
             percent(film.noise()),
-            exposure.white()
+            white.map_or_else(String::new, |white| format!("; white is {white:.4e} W/m²"))
         ));
         lines.push(format!("→ {}", args.output.display()));
         output::print(&args.common, &object, &lines);
@@ -355,18 +371,4 @@ fn radiances(film: &Film) -> Vec<[f64; 3]> {
 /// B = πL of every pixel.
 fn radiosities(film: &Film) -> Vec<[f64; 3]> {
     radiances(film).into_iter().map(|l| l.map(|l| PI * l)).collect()
-}
-
-fn write(path: &Path, film: &Film, exposure: Exposure) -> Result<(), Failure> {
-    match format_of(path)? {
-        Format::Png => {
-            let rgb: Vec<u8> = radiosities(film).into_iter().flat_map(|b| exposure.colour(b)).collect();
-            write_png(path, film.width, film.height, &rgb)?;
-        }
-        Format::Exr => {
-            let rgb: Vec<[f32; 3]> = radiances(film).into_iter().map(|l| l.map(|l| l as f32)).collect();
-            write_exr(path, film.width, film.height, &rgb)?;
-        }
-    }
-    Ok(())
 }
