@@ -107,7 +107,7 @@ impl Exposure {
         self.white
     }
 
-    /// Linear intensities between 0 and 1; what is no number is black.
+    /// Linear intensities between 0 and 1, by the curve; what is no number is black.
     pub fn intensity(&self, radiosity: [f64; 3]) -> [f64; 3] {
         radiosity.map(|b| if b.is_nan() { 0.0 } else { self.tone.map((b / self.white).clamp(0.0, 1.0)) })
     }
