@@ -6,8 +6,10 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use radiosity::{Method, Store};
 use radiosity_form_factors::analytic::PartialVisibility;
+use radiosity_form_factors::extended::SpecularBounces;
+use radiosity_render::{PathClass, Tone};
 
-/// Radiosity: form factors, solutions, comparisons.
+/// Radiosity: form factors, solutions, pictures, comparisons.
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about)]
 pub struct Args {
@@ -23,6 +25,8 @@ pub enum Command {
     FormFactors(FormFactorsArgs),
     /// Solve a scene and write radiosity and irradiance of every element.
     Solve(SolveArgs),
+    /// Take a picture of a scene, mirrors, glass and glossy surfaces included.
+    Render(RenderArgs),
     /// Error against time of every strategy that fits the scene: a table, a CSV file and a plot.
     Compare(CompareArgs),
     /// Tell what is in a scene, what will be left out and why, and what a solution would cost.
@@ -35,6 +39,7 @@ impl Args {
         match &self.command {
             Command::FormFactors(a) => &a.common,
             Command::Solve(a) => &a.common,
+            Command::Render(a) => &a.common,
             Command::Compare(a) => &a.common,
             Command::Inspect(a) => &a.common,
         }
@@ -300,6 +305,15 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
+    /// Specular surfaces in a row that light may take between diffuse ones: 0, 1, …, any; by rays, 4,096 a row.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "0",
+        value_parser = bounces,
+        conflicts_with_all = ["form_factors", "after", "tolerance"]
+    )]
+    pub specular_bounces: SpecularBounces,
     /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting, stochastic, or
     /// hierarchical, which is cg on the hierarchical store.
     #[arg(long, value_name = "NAME")]
@@ -342,6 +356,144 @@ pub struct SolveArgs {
     /// File to write: .csv or .ply.
     #[arg(long, short)]
     pub output: Option<PathBuf>,
+}
+
+/// `radiosity render`.
+#[derive(ClapArgs, Debug)]
+pub struct RenderArgs {
+    /// Scene and common options.
+    #[command(flatten)]
+    pub common: Common,
+    /// Where the camera stands and what it shows.
+    #[command(flatten)]
+    pub view: ViewArgs,
+    /// Mesh of the first pass; about 2,000 elements if not given.
+    #[command(flatten)]
+    pub mesh: MeshArgs,
+    /// Specular surfaces in a row that light may take between diffuse ones in the first pass: 0, 1, …, any.
+    #[arg(long, value_name = "N", default_value = "any", value_parser = bounces)]
+    pub specular_bounces: SpecularBounces,
+    /// Points drawn on lights wherever a diffuse surface is seen; 0 shows direct light as the mesh holds it.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub light_points: u32,
+    /// Directions gathered wherever a diffuse surface is seen; 0 shows indirect light as the mesh holds it.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub gather: u32,
+    /// Trace paths from the eye to the lights instead: no mesh, no error but noise.
+    #[arg(
+        long,
+        conflicts_with_all = ["subdivide", "element_size", "patch_subdivide", "specular_bounces", "light_points", "gather"]
+    )]
+    pub reference: bool,
+    /// Show light of these classes of paths alone: LE, LSE, LDE, LDSE, LSDE, LSDSE, LDDE, LDDSE, LDSDE, LDSDSE, by commas.
+    #[arg(long, value_name = "CLASSES", value_delimiter = ',', value_parser = path_class)]
+    pub paths: Vec<PathClass>,
+    /// Stop when the standard error, rms over pixels, is at most this share of the mean level; 0 takes all samples. 0.02 if not given; if
+    /// given and not reached, the exit code is 1.
+    #[arg(long, value_name = "E", value_parser = share)]
+    pub noise: Option<f64>,
+    /// Most samples a pixel; they come in rounds of 16.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = count)]
+    pub samples: u32,
+    /// How a PNG shows brightness.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "clamp")]
+    pub tone: ToneName,
+    /// Radiosity shown as white in a PNG, in W/m²; what 2 % of the pixels that show no light exceed if not given, 4 times that with reinhard or
+    /// filmic.
+    #[arg(long, value_name = "W", value_parser = positive)]
+    pub white: Option<f64>,
+    /// Picture of what there is so far, rewritten every few seconds: .png or .exr.
+    #[arg(long, value_name = "FILE")]
+    pub preview: Option<PathBuf>,
+    /// Keep the state of the picture in this file, rewritten every few seconds and at the end.
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Go on from the file that --state names.
+    #[arg(long, requires = "state")]
+    pub resume: bool,
+    /// Picture to write: .png, or .exr with linear radiance in W/(m² sr).
+    #[arg(long, short)]
+    pub output: PathBuf,
+}
+
+/// A camera.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct ViewArgs {
+    /// Where the camera stands; before the open side of the scene, or inside at the end of a closed one, if not given.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub eye: Option<DVec3>,
+    /// What it looks at; the middle of the scene if not given.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub look_at: Option<DVec3>,
+    /// What is up in the picture; the axis from which most light comes, or y, if not given.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub up: Option<DVec3>,
+    /// Angle of view from the lower to the upper edge of the picture.
+    #[arg(long, value_name = "DEG", default_value_t = 60.0)]
+    pub fov: f64,
+    /// Pixels of the picture.
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
+    pub size: [u32; 2],
+}
+
+/// Curves of brightness by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ToneName {
+    /// In proportion, cut off at white.
+    Clamp,
+    /// l (1 + l/w²)/(1 + l), Reinhard and others 2002.
+    Reinhard,
+    /// With a toe and a shoulder, Hable 2010.
+    Filmic,
+}
+
+impl From<ToneName> for Tone {
+    fn from(name: ToneName) -> Self {
+        match name {
+            ToneName::Clamp => Self::Clamp,
+            ToneName::Reinhard => Self::Reinhard,
+            ToneName::Filmic => Self::Filmic,
+        }
+    }
+}
+
+fn bounces(text: &str) -> Result<SpecularBounces, String> {
+    match text.parse() {
+        Ok(0) => Ok(SpecularBounces::None),
+        Ok(most) => Ok(SpecularBounces::AtMost(most)),
+        Err(_) if text == "any" => Ok(SpecularBounces::Any),
+        Err(_) => Err("must be a whole number, or any".to_owned()),
+    }
+}
+
+fn path_class(text: &str) -> Result<PathClass, String> {
+    PathClass::named(text).ok_or_else(|| {
+        let names = PathClass::ALL.map(PathClass::name).join(", ");
+        format!("there is no such class of paths; choose among {names}")
+    })
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|t| (0.0..1.0).contains(t)).ok_or_else(|| "must lie in [0, 1)".to_owned())
+}
+
+fn point(text: &str) -> Result<DVec3, String> {
+    let words: Vec<&str> = text.split(',').map(str::trim).collect();
+    let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    if words.len() == 3 && numbers.len() == 3 {
+        Ok(DVec3::from_slice(&numbers))
+    } else {
+        Err("must be three numbers x,y,z".to_owned())
+    }
+}
+
+/// Longest edge of a picture in pixels.
+const LONGEST_EDGE: u32 = 16_384;
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let edge = |word: &str| word.parse().ok().filter(|n| (1..=LONGEST_EDGE).contains(n));
+    let edges = text.split_once('x').and_then(|(width, height)| Some([edge(width)?, edge(height)?]));
+    edges.ok_or_else(|| format!("must be WIDTHxHEIGHT with edges of 1 to {LONGEST_EDGE} pixels"))
 }
 
 /// `radiosity compare`.

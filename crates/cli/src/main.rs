@@ -1,19 +1,22 @@
-//! The program `radiosity`: form factors, solutions and comparisons of people's own scenes.
+//! The program `radiosity`: form factors, solutions, pictures and comparisons of people's own scenes.
 //!
 //! Exit codes: 0 done, 1 a check failed, 2 bad usage or input.
 
 mod args;
 mod cells;
 mod compare;
+mod film_state;
 mod form_factors;
 mod from_point;
 mod inspect;
 mod memory;
 mod output;
+mod render;
 mod saved;
 mod scene;
 mod sidecar;
 mod solve;
+mod viewpoint;
 
 use std::process::ExitCode;
 
@@ -38,6 +41,7 @@ fn main() -> ExitCode {
     let work = move || match &args.command {
         Command::FormFactors(args) => form_factors::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Render(args) => render::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Inspect(args) => inspect::run(args),
     };

@@ -34,10 +34,19 @@ pub fn with_materials(common: &Common) -> Result<Imported, Failure> {
     read_with_materials(&common.scene, common)
 }
 
+/// The scene with its materials, of which specular parts will count.
+pub fn with_specular(common: &Common) -> Result<Imported, Failure> {
+    read(&common.scene, common, true)
+}
+
 /// Another scene with its materials, read as `common` says.
 pub fn read_with_materials(path: &Path, common: &Common) -> Result<Imported, Failure> {
-    let options =
-        ReadOptions { clamp_reflectance: common.clamp_reflectance, default_reflectance: common.default_reflectance };
+    read(path, common, false)
+}
+
+fn read(path: &Path, common: &Common, specular: bool) -> Result<Imported, Failure> {
+    let (clamp_reflectance, default_reflectance) = (common.clamp_reflectance, common.default_reflectance);
+    let options = ReadOptions { clamp_reflectance, default_reflectance, specular };
     let imported = match Format::of(path) {
         Format::Obj => read_scene(path, &options)?,
         Format::View3d => read_view3d(path, &options)?.imported,

@@ -5,13 +5,16 @@ use std::time::Instant;
 
 use glam::DVec3;
 use radiosity::{
-    Adaptive, DirectLight, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR, LinearRadiosity, Method,
-    Phase, Round, Run, RunError, Saving,
+    Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
+    LinearRadiosity, Method, Phase, Round, Run, RunError, Saving, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
-use radiosity::{Size, admit, default_method, predict, run_adaptive, run_meshed, run_saved, run_to_tolerance};
+use radiosity::{
+    Size, admit, default_method, predict, run_adaptive, run_enhanced, run_meshed, run_saved, run_to_tolerance,
+};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
+use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_geometry::mesh::{MeshSettings, Place, Subdivision};
 use radiosity_geometry::{Occluders, Scene, SceneChange};
@@ -35,6 +38,9 @@ const HIERARCHICAL: &str = "hierarchical";
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
+
+/// Rays of a row of form factors by way of specular surfaces.
+pub const SPECULAR_RAYS: u32 = 4096;
 
 /// Estimated error at which a solver that samples stops if nothing is asked for.
 const SAMPLED_ERROR: f64 = 1e-2;
@@ -71,6 +77,8 @@ pub fn strategy(
 enum Way<'a> {
     /// By one run.
     Straight,
+    /// By one run with light by way of specular surfaces, whose form factors took so much.
+    Enhanced(Phase),
     /// By refinement to a tolerance.
     Refined(Refinement),
     /// From the solution of another scene, which took so many seconds.
@@ -89,7 +97,8 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
     if let Some(path) = args.output.as_deref() {
         format_of(path)?;
     }
-    let imported = scene::with_materials(&args.common)?;
+    let specular = args.specular_bounces != SpecularBounces::None;
+    let imported = if specular { scene::with_specular(&args.common)? } else { scene::with_materials(&args.common)? };
     let scene = &imported.scene;
     if args.repair && !scene.closed() {
         return Err(RepairError::Open.into());
@@ -112,6 +121,12 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args);
+    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
+    if specular && args.solver.is_none() && strategy.shape == Shape::Full {
+        // Extended form factors are not symmetric.
+        "gauss-seidel".clone_into(&mut strategy.solver);
+    }
     strategy.check()?;
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, None, program));
@@ -120,6 +135,12 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
         Some(tolerance) => {
             drop(geometry);
             to_tolerance(args, scene, &mut strategy, tolerance).map_err(memory::explained)?
+        }
+        None if specular => {
+            drop(geometry);
+            let EnhancedRun { run, specular, .. } =
+                run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
+            (run, Way::Enhanced(specular))
         }
         None => (run_meshed(geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
     };
@@ -308,6 +329,14 @@ fn finish(
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
+        Way::Enhanced(phase) => {
+            object["extended_form_factors"] = output::phase(&phase);
+            lines.push(format!(
+                "by way of specular surfaces: {} rays in {:.3} s",
+                phase.cost.rays,
+                phase.time.as_secs_f64()
+            ));
+        }
         Way::Refined(refinement) => {
             let (estimate, met) = refinement.result();
             object["refinement"] = refinement.json();

@@ -7,6 +7,7 @@
 pub mod analytic;
 pub mod checks;
 pub mod emitters;
+pub mod extended;
 pub mod hemicube;
 pub mod hierarchical;
 #[doc(hidden)]

@@ -4,7 +4,9 @@ use radiosity_core::{Form, FormFactors};
 use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::hemicube::Hemicube;
 use radiosity_form_factors::ray_cast::RayCast;
-use radiosity_form_factors::stores::{DenseFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors};
+use radiosity_form_factors::stores::{
+    DenseFormFactors, ExtendedFormFactors, Keep, OnDemand, PackedFormFactors, SparseFormFactors,
+};
 use radiosity_form_factors::{PairwiseRows, Receivers, Rows};
 use radiosity_gallery::boxes::{box_in_cube, material};
 use radiosity_gallery::{RandomEnclosure, conformance};
@@ -84,6 +86,19 @@ fn stores_of_ray_cast_rows_conform_in_every_form() {
 #[test]
 fn stores_of_hemicube_rows_conform_in_every_form() {
     Case::new().conforms("hemicube");
+}
+
+/// F in any store and F′ in one table for all bands, or in two for three bands.
+#[test]
+fn sums_of_straight_and_extended_form_factors_conform_in_every_form() {
+    let case = Case::new();
+    for form in [Form::Full, Form::ElementsToPatches, Form::PatchesToElements] {
+        let table = |estimator: &str| SparseFormFactors::assemble(&*case.rows(estimator, form)).unwrap().0;
+        let straight = DenseFormFactors::assemble(&*case.rows("ray-cast", form)).unwrap().0;
+        conformance(&ExtendedFormFactors::new(&straight, vec![table("hemicube")], vec![0; 3]));
+        let tables = vec![table("hemicube"), table("analytic")];
+        conformance(&ExtendedFormFactors::new(&straight, tables, vec![0, 1, 0]));
+    }
 }
 
 /// Larger than a tile, and no multiple of anything.

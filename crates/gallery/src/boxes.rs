@@ -5,7 +5,7 @@ use radiosity_geometry::{Material, Polygon, Scene, Surface};
 
 /// A material of one band.
 pub fn material(name: &str, reflectance: f64, emission: f64) -> Material {
-    Material { name: name.into(), reflectance: vec![reflectance], emission: vec![emission] }
+    Material::diffuse(name, vec![reflectance], vec![emission])
 }
 
 /// A scene of convex planar loops, each with the index of its material; surface k is loop k.

@@ -10,6 +10,8 @@
 //! | [`FloorUnderLight`] | H at every point of the floor | meshes and form factors |
 //! | [`Hinge`] | H at every point of one square | singular edges |
 //! | [`BlockedLight`] | H at every point of the floor | shadows from soft to hard |
+//! | [`MirrorRoom`] | that a hole into its image is as good as its mirror | specular transport |
+//! | [`sphere()`] | volume | curved mirrors and glass |
 //! | [`crowded_room()`] | that nothing leaves | many blockers |
 //! | [`city()`] | areas | many facets of which most are hidden |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
@@ -29,9 +31,11 @@ pub mod furnace;
 mod hinge;
 mod integrating_sphere;
 mod manufactured;
+pub mod mirror;
 pub mod quadrature;
 mod random_enclosure;
 pub mod rectangles;
+mod sphere;
 mod stiff;
 
 pub use blocked_light::BlockedLight;
@@ -42,5 +46,7 @@ pub use floor_under_light::FloorUnderLight;
 pub use hinge::Hinge;
 pub use integrating_sphere::IntegratingSphere;
 pub use manufactured::ManufacturedRoom;
+pub use mirror::MirrorRoom;
 pub use random_enclosure::RandomEnclosure;
+pub use sphere::sphere;
 pub use stiff::{Light, StiffCase, bright_room, exact_in_closed_room, stiff, with_light};

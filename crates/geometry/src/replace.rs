@@ -250,7 +250,7 @@ mod tests {
     #[test]
     fn recolouring_leaves_every_facet_where_it_was() {
         let mut scene = scene_of(&cube(1.0));
-        scene.materials.push(Material { name: "red".into(), reflectance: vec![0.2], emission: vec![1.0] });
+        scene.materials.push(Material::diffuse("red", vec![0.2], vec![1.0]));
         let red = Surface { material: 1, ..scene.surfaces[2].clone() };
         let (after, change) = scene.replace(2, red);
         assert_eq!(change, Change::Recoloured);

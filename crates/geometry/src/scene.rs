@@ -2,17 +2,26 @@
 
 use glam::DVec3;
 
-use crate::{Polygon, polygon::bounds};
+use crate::{Polygon, Specular, polygon::bounds};
 
-/// A diffuse material: one reflectance and one emission a band.
+/// A material: a diffuse reflectance and an emission for every band, and what else it does to light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file.
     pub name: String,
-    /// Reflectance ρ of every band, in [0, 1).
+    /// Diffuse reflectance ρ of every band, in [0, 1).
     pub reflectance: Vec<f64>,
     /// Emission E of every band in W/m².
     pub emission: Vec<f64>,
+    /// What it does to light beside reflecting it diffusely.
+    pub specular: Option<Specular>,
+}
+
+impl Material {
+    /// A diffuse material.
+    pub fn diffuse(name: &str, reflectance: Vec<f64>, emission: Vec<f64>) -> Self {
+        Self { name: name.to_owned(), reflectance, emission, specular: None }
+    }
 }
 
 /// One face of the scene: a single surface to its user, whatever it is split into inside.
@@ -82,7 +91,10 @@ impl Scene {
         }
         let needs = materials[0].reflectance.len();
         for m in &materials {
-            for has in [m.reflectance.len(), m.emission.len()] {
+            for has in [Some(m.reflectance.len()), Some(m.emission.len()), m.specular.as_ref().map(Specular::bands)]
+                .into_iter()
+                .flatten()
+            {
                 if has != needs {
                     return Err(SceneError::Bands { name: m.name.clone(), has, needs });
                 }
@@ -94,6 +106,11 @@ impl Scene {
     /// Number of bands.
     pub fn bands(&self) -> usize {
         self.materials[0].reflectance.len()
+    }
+
+    /// Whether a surface does anything but emit and reflect diffusely.
+    pub fn is_specular(&self) -> bool {
+        self.surfaces.iter().any(|s| self.materials[s.material].specular.is_some())
     }
 
     /// The convex pieces of all surfaces with the index of their surface.

@@ -23,7 +23,7 @@ pub(crate) fn cube(side: f64) -> Vec<Vec<DVec3>> {
 
 /// A scene of one grey material with a surface for every loop.
 pub(crate) fn scene_of(loops: &[Vec<DVec3>]) -> Scene {
-    let grey = Material { name: "grey".into(), reflectance: vec![0.5], emission: vec![0.0] };
+    let grey = Material::diffuse("grey", vec![0.5], vec![0.0]);
     let surfaces = loops.iter().map(|l| Surface::from_loop("face", 0, 0, l).unwrap().0).collect();
     Scene::new(surfaces, vec![grey]).unwrap()
 }

@@ -7,6 +7,7 @@
 
 mod atomic;
 mod error;
+pub mod exr;
 pub mod matrix;
 pub mod obj;
 pub mod ply;
@@ -17,6 +18,7 @@ pub mod view3d;
 
 pub use atomic::write_atomically;
 pub use error::{ReadError, WriteError};
+pub use exr::write_exr;
 pub use matrix::{Matrix, MatrixFormat, MatrixView, read_matrix, write_matrix};
 pub use obj::{ImportReport, Imported, ReadOptions, Texture, read_geometry, read_scene};
 pub use ply::{PlyFace, PlyTriangle, PlyVertex, write_ply, write_shaded_ply};

@@ -22,11 +22,16 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<(),
         return Err(WriteError::Picture { path: path.to_owned(), width, height });
     }
     write_atomically(path, |out| {
-        PngEncoder::new(out).write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(|e| match e {
-            image::ImageError::IoError(e) => e,
-            e => std::io::Error::other(e),
-        })
+        PngEncoder::new(out).write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(io_error)
     })
+}
+
+/// What stopped an encoder.
+pub(crate) fn io_error(error: image::ImageError) -> std::io::Error {
+    match error {
+        image::ImageError::IoError(e) => e,
+        e => std::io::Error::other(e),
+    }
 }
 
 #[cfg(test)]

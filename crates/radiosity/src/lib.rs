@@ -8,6 +8,7 @@
 //! global state.
 
 pub mod adaptive;
+mod enhanced;
 pub mod errors;
 mod estimate;
 mod geometry;
@@ -24,6 +25,7 @@ mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
+pub use enhanced::{EnhancedRun, SpecularTransport, run_enhanced};
 pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;

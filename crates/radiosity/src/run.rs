@@ -95,6 +95,16 @@ pub enum RunError {
         /// Name of the estimator.
         rows: &'static str,
     },
+    /// Extended form factors of a form or in a store that does not take them.
+    #[error(
+        "specular bounces need the full form or patches, in a store of rows; not the form {shape} in the store {store}"
+    )]
+    Extended {
+        /// Name of the form.
+        shape: &'static str,
+        /// Name of the store.
+        store: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -308,6 +318,10 @@ pub(crate) struct Made {
 }
 
 impl Made {
+    pub(crate) fn radiosity(&self) -> &BandValues {
+        &self.solution.radiosity
+    }
+
     pub(crate) fn steps(&self) -> u64 {
         self.solution.steps
     }

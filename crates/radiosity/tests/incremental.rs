@@ -49,11 +49,7 @@ fn room() -> Scene {
     let back = plate.iter().rev().map(|v| *v - DVec3::X * 0.2).collect();
     loops.extend([(plate, 0), (back, 2)]);
     loops.push((vec![at(0.0, 0.5, 0.6), at(0.4, 0.5, 0.6), at(0.4, 0.9, 0.6), at(0.0, 0.9, 0.6)], 2));
-    let material = |name: &str, rho: [f64; 2], e: [f64; 2]| Material {
-        name: name.into(),
-        reflectance: rho.to_vec(),
-        emission: e.to_vec(),
-    };
+    let material = |name: &str, rho: [f64; 2], e: [f64; 2]| Material::diffuse(name, rho.to_vec(), e.to_vec());
     let materials = vec![
         material("wall", [0.7, 0.5], [0.0; 2]),
         material("lamp", [0.0, 0.1], [5.0, 2.0]),

@@ -6,16 +6,29 @@
 //! the same from all sides and without interpolation, so that blockiness is seen as it is, or in what a function says of its points
 //! ([`View::picture_of`]).
 
+pub mod brdf;
 pub mod camera;
 pub mod false_colour;
+pub mod film;
 pub mod flat;
 pub mod image;
+pub mod numbers;
+pub mod path_class;
+pub mod path_tracer;
+pub mod stage;
 pub mod tone;
+pub mod two_pass;
 pub mod view;
+mod walk;
 
 pub use camera::{Camera, CameraError};
 pub use false_colour::{Scale, ScaleError};
+pub use film::Film;
 pub use flat::flat_picture;
 pub use image::Image;
-pub use tone::Exposure;
+pub use path_class::{PathClass, PathClasses};
+pub use path_tracer::PathTracer;
+pub use stage::Stage;
+pub use tone::{Exposure, Tone};
+pub use two_pass::{FacetIrradiance, Field, Stored, TwoPass, TwoPassSettings};
 pub use view::{BackFaces, View, ViewSettings, render};

@@ -32,12 +32,20 @@ impl Folder {
     }
 
     /// Reads a file; bytes that are no text are replaced.
+    #[allow(dead_code)] // each test file reads what it needs
     pub fn read(&self, name: &str) -> String {
         let bytes = fs::read(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
+    /// Reads a file that is no text.
+    #[allow(dead_code)] // each test file reads what it needs
+    pub fn bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
     /// Names of all files, sorted.
+    #[allow(dead_code)] // each test file uses what it needs
     pub fn files(&self) -> Vec<String> {
         let names = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<String> = names.collect();
@@ -75,7 +83,7 @@ usemtl lamp\nf 5 6 7 8
 ";
 
 /// Materials of [`SQUARES`].
-#[allow(dead_code)]
+#[allow(dead_code)] // each test file uses the scenes it needs
 pub const SQUARES_MTL: &str = "newmtl grey\nKd 0.5 0.4 0.3\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n";
 
 /// The unit cube from inside, its ceiling a lamp that reflects nothing, as OBJ with `cube.mtl`.

@@ -15,6 +15,7 @@
 
 mod dense;
 mod dot;
+mod extended;
 mod lanes;
 mod movable;
 mod on_demand;
@@ -28,6 +29,7 @@ use radiosity_core::{BandValues, Bands, BandsMut, Block, Cost, FormFactors, Rela
 use rayon::prelude::*;
 
 pub use dense::DenseFormFactors;
+pub use extended::ExtendedFormFactors;
 pub use movable::{MovableFormFactors, Source};
 pub use on_demand::{Keep, OnDemand};
 pub use packed::PackedFormFactors;

@@ -28,6 +28,7 @@ pub(crate) fn assemble(
     mut report: ImportReport,
 ) -> Result<Imported, ReadError> {
     count_statements(path, &raw, &mut report);
+    let specular = materials.is_some_and(|(_, options)| options.specular);
     let (materials, material_of) = match materials {
         Some((library, options)) => {
             report.warnings.extend(library.warnings.iter().cloned());
@@ -44,7 +45,7 @@ pub(crate) fn assemble(
     };
     // All materials have three bands, so an empty scene is the only way to fail.
     let scene = Scene::new(surfaces, materials).map_err(|_| empty())?;
-    report.warn();
+    report.warn(specular);
     Ok(Imported { scene, report })
 }
 
@@ -105,7 +106,7 @@ fn surfaces(raw: &Raw, material_of: &[usize], report: &mut ImportReport) -> Vec<
 }
 
 fn uniform(name: &str, reflectance: f64) -> Material {
-    Material { name: name.to_owned(), reflectance: vec![reflectance; BANDS], emission: vec![0.0; BANDS] }
+    Material::diffuse(name, vec![reflectance; BANDS], vec![0.0; BANDS])
 }
 
 /// Materials of faces, made when first used.
@@ -174,6 +175,9 @@ impl<'a> Materials<'a> {
         if !raw.specular.is_empty() {
             report.specular.push(format!("{}: {}", raw.name, raw.specular));
         }
+        if !raw.transparent.is_empty() {
+            report.transparent.push(format!("{}: {}", raw.name, raw.transparent));
+        }
         if raw.kd.is_none() {
             report.materials_without_kd.push(raw.name.clone());
         }
@@ -189,14 +193,15 @@ impl<'a> Materials<'a> {
         if largest_sum > 1.0 {
             report.kd_ks_above_1.push(raw.name.clone());
         }
-        let reflectance = match self.options.clamp_reflectance {
+        let (reflectance, ks) = match self.options.clamp_reflectance {
             Some(clamp) => {
                 let factor = f64::min(1.0, f64::min(clamp / largest_kd, 1.0 / largest_sum));
                 if factor < 1.0 {
                     report.clamped.push(raw.name.clone());
                 }
                 // The minimum takes away what rounding may have added.
-                kd.map(|kd| if factor < 1.0 { f64::min(kd * factor, clamp) } else { kd })
+                let clamped = |k: f64| if factor < 1.0 { f64::min(k * factor, clamp) } else { k };
+                (kd.map(clamped), raw.ks.map(clamped))
             }
             None => {
                 let (path, material) = (raw.path.clone(), raw.name.clone());
@@ -206,13 +211,13 @@ impl<'a> Materials<'a> {
                 if largest_sum > 1.0 {
                     return Err(ReadError::ReflectanceSum { path, line: raw.lines.ks, material, value: largest_sum });
                 }
-                kd
+                (kd, raw.ks)
             }
         };
+        let diffuse = if raw.optics.is_bare() { [0.0; BANDS] } else { reflectance };
         Ok(Material {
-            name: raw.name.clone(),
-            reflectance: reflectance.to_vec(),
-            emission: raw.ke.map(|l| PI * l).to_vec(),
+            specular: raw.optics.specular(reflectance, ks),
+            ..Material::diffuse(&raw.name, diffuse.to_vec(), raw.ke.map(|l| PI * l).to_vec())
         })
     }
 }

@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use super::lines::{Line, logical_lines};
+use super::optics::Optics;
 use super::report::Texture;
 use crate::ReadError;
 use crate::error::shown;
@@ -29,8 +30,12 @@ pub(crate) struct RawMaterial {
     pub ke: [f64; 3],
     /// Keyword and file of every texture.
     pub textures: Vec<Texture>,
-    /// What is specular or transparent about it, empty if nothing is.
+    /// How it reflects and refracts.
+    pub optics: Optics,
+    /// What is specular about it, empty if nothing is.
     pub specular: String,
+    /// What is transparent about it without refracting, which has no meaning here; empty if nothing is.
+    pub transparent: String,
 }
 
 /// Lines of `Kd` and `Ks`; that of `newmtl` where one is absent.
@@ -116,7 +121,9 @@ impl Library {
             ks: material.specular.unwrap_or_default(),
             ke: material.emissive.unwrap_or_default(),
             textures: textures(path, &name, &text),
+            optics: optics(&material),
             specular: specular(&material),
+            transparent: transparent(&material),
             name: name.clone(),
         };
         if self.materials.insert(name.clone(), raw).is_some() {
@@ -135,9 +142,10 @@ fn statement(path: &Path, line: &Line, key: &str, rest: &str, material: &str) ->
             let [r, g, b] = colour(path, line, key, rest, material)?;
             Ok(Some(format!("{key} {r:?} {g:?} {b:?}")))
         }
+        "Tf" => Ok(colour(path, line, key, rest, material).ok().map(|[r, g, b]| format!("Tf {r:?} {g:?} {b:?}"))),
         // The ambient colour belongs to other renderers' models.
         "Ka" => Ok(Some(String::new())),
-        "Ns" | "Ni" | "d" | "Tr" => {
+        "Ns" | "Ni" | "d" | "Tr" | "Pr" | "Pm" => {
             let word = rest.split_whitespace().find(|word| *word != "-halo").unwrap_or("");
             Ok(number(word).map(|v| format!("{key} {v:?}")))
         }
@@ -191,13 +199,31 @@ pub(crate) fn beside(file: &Path, named: &str) -> Option<PathBuf> {
     [named.to_owned(), named.replace('\\', "/")].iter().map(|n| folder.join(n)).find(|p| p.is_file())
 }
 
-/// What in a material goes beyond diffuse reflection and emission, as `Ks 0.2, Ns 50, illum 3, Ni 1.5, d 0.4`.
+/// What `tobj` read, and what it kept as unknown.
+fn optics(material: &tobj::Material) -> Optics {
+    let unknown = |key: &str| material.unknown_param.get(key);
+    let number = |key: &str| unknown(key).and_then(|v| v.trim().parse::<f64>().ok());
+    let tf = unknown("Tf").and_then(|v| {
+        let numbers: Vec<f64> = v.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+        numbers.try_into().ok()
+    });
+    Optics {
+        ns: material.shininess,
+        ni: material.optical_density,
+        illum: material.illumination_model,
+        tf,
+        pr: number("Pr"),
+        pm: number("Pm"),
+    }
+}
+
+/// What in a material goes beyond diffuse reflection and emission, as `Ks 0.2, Ns 50, illum 3, Ni 1.5, Pr 0.4`.
 fn specular(material: &tobj::Material) -> String {
     let ks = material.specular.unwrap_or_default();
+    let optics = optics(material);
     let illum = material.illumination_model.unwrap_or(0);
-    let transmission = material.unknown_param.get("Tr").and_then(|v| v.parse::<f64>().ok());
     let mut parts = Vec::new();
-    // Exporters write Ns, Ni and illum 2 to every material: without Ks or a ray-traced model they change nothing.
+    // Exporters write Ns, Ni and illum 2 to every material: without Ks, metal or a ray-traced model they change nothing.
     if ks.iter().any(|v| *v > 0.0) {
         let grey = ks[0] == ks[1] && ks[1] == ks[2];
         parts.push(if grey { format!("Ks {}", ks[0]) } else { format!("Ks {} {} {}", ks[0], ks[1], ks[2]) });
@@ -207,10 +233,22 @@ fn specular(material: &tobj::Material) -> String {
         parts.push(format!("illum {illum}"));
         parts.extend(material.optical_density.map(|ni| format!("Ni {ni}")));
     }
-    parts.extend(material.dissolve.filter(|d| *d < 1.0).map(|d| format!("d {d}")));
-    // Where both are given d is the one that exporters agree about.
-    parts.extend(transmission.filter(|t| material.dissolve.is_none() && *t > 0.0).map(|t| format!("Tr {t}")));
+    if optics.is_metal() {
+        parts.extend(optics.pm.map(|pm| format!("Pm {pm}")));
+    }
+    if !parts.is_empty() {
+        parts.extend(optics.pr.map(|pr| format!("Pr {pr}")));
+    }
     parts.join(", ")
+}
+
+/// What in a material lets light through without refraction, as `d 0.4` or `Tr 0.6`.
+fn transparent(material: &tobj::Material) -> String {
+    let transmission = material.unknown_param.get("Tr").and_then(|v| v.parse::<f64>().ok());
+    let dissolve = material.dissolve.filter(|d| *d < 1.0).map(|d| format!("d {d}"));
+    // Where both are given d is the one that exporters agree about.
+    let tr = transmission.filter(|t| material.dissolve.is_none() && *t > 0.0).map(|t| format!("Tr {t}"));
+    dissolve.or(tr).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -253,7 +291,7 @@ mod tests {
     fn values_of_parts_left_out_that_cannot_be_read_are_warned_about() {
         let read = library("newmtl w\nNs\nNi x\nd -halo 0.5\nillum 300\nmap_Kd\nKa 1\nKd 0.5\nnewmtl\nKd 2\n").unwrap();
         assert_eq!(read.materials["w"].kd, Some([0.5; 3]));
-        assert_eq!(read.materials["w"].specular, "d 0.5");
+        assert_eq!((&read.materials["w"].specular[..], &read.materials["w"].transparent[..]), ("", "d 0.5"));
         assert_eq!(read.warnings.len(), 5, "{:?}", read.warnings);
         assert!(read.warnings[0].starts_with("a.mtl:2: 'Ns'"));
     }
@@ -264,7 +302,8 @@ mod tests {
                     newmtl b\nNi 1.45\nNs 30\nillum 2\nd 1.0\nTr 1\nnewmtl c\nillum 7\nNi 1.5\nTr 0.75\n";
         let read = library(text).unwrap();
         let specular = |name: &str| read.materials[name].specular.as_str();
-        assert_eq!((specular("a"), specular("b"), specular("c")), ("Ks 0.2, Ns 50", "", "illum 7, Ni 1.5, Tr 0.75"));
+        assert_eq!((specular("a"), specular("b"), specular("c")), ("Ks 0.2, Ns 50", "", "illum 7, Ni 1.5"));
+        assert_eq!((&read.materials["b"].transparent[..], &read.materials["c"].transparent[..]), ("", "Tr 0.75"));
         let textures: Vec<_> =
             read.materials["a"].textures.iter().map(|t| (t.key.as_str(), t.file.as_str(), t.found)).collect();
         assert_eq!(textures, [("map_Kd", "textures/my wood.jpg", false), ("bump", "b.png", false)]);

@@ -15,6 +15,8 @@
 pub(crate) mod assemble;
 pub(crate) mod library;
 mod lines;
+mod optics;
+
 mod report;
 pub(crate) mod scan;
 #[cfg(test)]
@@ -42,6 +44,8 @@ pub struct ReadOptions {
     pub clamp_reflectance: Option<f64>,
     /// Reflectance of faces whose material is not defined, instead of refusing them; in [0, 1).
     pub default_reflectance: Option<f64>,
+    /// Whether specular parts will count, so that none needs a warning.
+    pub specular: bool,
 }
 
 /// A scene and what was met in its file.

@@ -71,8 +71,10 @@ pub struct ImportReport {
     pub clamped: Vec<String>,
     /// Textures, left out.
     pub textures: Vec<Texture>,
-    /// Materials with a specular or transparent part, which is left out, as `name: Ks 0.2, d 0.4`.
+    /// Materials with a specular part, as `name: Ks 0.2, Ns 50`.
     pub specular: Vec<String>,
+    /// Materials that let light through without refracting it, which is left out, as `name: d 0.4`.
+    pub transparent: Vec<String>,
     /// One sentence for everything above that changes the answer or is left out.
     pub warnings: Vec<String>,
 }
@@ -83,8 +85,8 @@ impl ImportReport {
         self.open_edges == 0 && self.turned_edges == 0
     }
 
-    /// Turns the counts into sentences, behind those already there.
-    pub(crate) fn warn(&mut self) {
+    /// Turns the counts into sentences, behind those already there; `specular`: specular parts count.
+    pub(crate) fn warn(&mut self, specular: bool) {
         let missing_files = self.textures.iter().filter(|t| !t.found).count();
         let counted = [
             (self.zero_area_dropped, "of no area dropped; their rows of form factors are 0"),
@@ -111,12 +113,14 @@ impl ImportReport {
                     .push(format!("{} left out: they have no area", plural(count, &format!("'{what}' element"))));
             }
         }
+        let specular_left_out = if specular { String::new() } else { self.specular.join("; ") };
         let listed = [
             (self.libraries_not_found.join(", "), "material libraries not found"),
             (self.materials_missing.join(", "), "materials not defined, replaced by the default reflectance"),
             (self.materials_without_kd.join(", "), "materials without Kd reflect nothing or the default"),
             (self.clamped.join(", "), "materials scaled down to the clamped reflectance"),
-            (self.specular.join("; "), "specular and transparent parts left out"),
+            (specular_left_out, "specular parts count only where specular bounces are asked for"),
+            (self.transparent.join("; "), "transparent parts left out"),
         ];
         for (names, what) in listed.into_iter().filter(|(names, _)| !names.is_empty()) {
             self.warnings.push(format!("{what}: {names}"));

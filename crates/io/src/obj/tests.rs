@@ -168,7 +168,8 @@ fn too_much_reflectance_is_refused_with_its_line_or_clamped() {
 #[test]
 fn negative_colours_are_refused_even_with_a_clamp() {
     let obj = format!("mtllib a.mtl\n{BOX}usemtl wood\n{FACES}");
-    let options = ReadOptions { clamp_reflectance: Some(0.9), default_reflectance: Some(0.5) };
+    let options =
+        ReadOptions { clamp_reflectance: Some(0.9), default_reflectance: Some(0.5), ..ReadOptions::default() };
     let error = read("negative", &obj, "newmtl wood\nKd 0.5 -0.1 0\n", options).unwrap_err();
     assert!(error.to_string().contains("a.mtl:2: Kd of material 'wood' is -0.1"), "{error}");
 }
@@ -187,6 +188,9 @@ fn textures_and_specular_parts_are_named() {
     let obj = format!("mtllib a.mtl\n{BOX}usemtl wood\nf 1 2 3 4\nusemtl light\nf 5 8 7 6\n");
     let Imported { scene, report } = strict("textures", &obj, mtl).unwrap();
     assert_eq!(report.specular, ["wood: Ks 0.25"]);
+    let warned = |report: &ImportReport| report.warnings.iter().any(|warning| warning.contains("wood: Ks 0.25"));
+    let counting = ReadOptions { specular: true, ..ReadOptions::default() };
+    assert!(warned(&report) && !warned(&read("textures_counted", &obj, mtl, counting).unwrap().report));
     assert_eq!(report.textures.len(), 1);
     assert!(
         report.warnings.contains(&"textures left out (1 of them not found): wood map_Kd no/such.jpg".to_owned()),
@@ -235,7 +239,8 @@ fn garbage_and_truncated_files_never_panic() {
     let obj =
         format!("mtllib a.mtl\n{BOX}o a\nusemtl wood\n{FACES}f 1/1/1 2//2 \\\n -1\nl 1 2\nusemtl (null)\nf 1 2 7 3\n");
     let mtl = format!("{WOOD}Ks 0.1\nNs 5\nillum 2\nd -halo 0.5\nTr 0.5\nmap_Kd -s 1 1 1 a b.jpg\nbump x\nKa 1\n");
-    let options = ReadOptions { clamp_reflectance: Some(0.95), default_reflectance: Some(0.5) };
+    let options =
+        ReadOptions { clamp_reflectance: Some(0.95), default_reflectance: Some(0.5), ..ReadOptions::default() };
     let import = |obj: &[u8], mtl: &[u8]| {
         let raw = scan::scan(Path::new("a.obj"), obj)?;
         let mut library = Library::default();

@@ -85,7 +85,7 @@ pub(super) fn assemble(path: &Path, raw: Raw, options: Option<&ReadOptions>) -> 
     };
     // All materials have the same bands, so an empty scene is the only way to fail.
     let scene = Scene::new(surfaces, materials).map_err(|_| empty())?;
-    report.warn();
+    report.warn(false);
     Ok(View3dScene {
         title: raw.title,
         control: raw.control,
@@ -125,7 +125,7 @@ fn material(surface: &RawSurface, options: Option<&ReadOptions>) -> Result<Mater
             (format!("emittance {}", surface.emittance), clamped)
         }
     };
-    Ok(Material { name, reflectance: vec![reflectance; BANDS], emission: vec![0.0; BANDS] })
+    Ok(Material::diffuse(&name, vec![reflectance; BANDS], vec![0.0; BANDS]))
 }
 
 /// Counts repeated surfaces and open edges. Subsurfaces lie within their bases and take no part.

@@ -1,0 +1,382 @@
+//! `radiosity render`: a picture of a scene, by two passes or by tracing paths.
+//!
+//! What is not asked for is chosen so that any scene gives a picture: about 2,000 elements of equal size, rows of 4,096 rays with exact emitters, direct light from
+//! a point drawn on a light, indirect light from the mesh. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
+//! number alone, so that a film that goes on from its state, the first pass computed again, ends with the same bytes.
+//!
+//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), and what to see of a scene ([`crate::viewpoint`]).
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use radiosity::{
+    EnhancedRun, Geometry, Method, Shape, Size, SpecularTransport, Store, Strategy, predict, run_enhanced,
+};
+use radiosity_core::{Outcome, mix};
+use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::{Occluders, Scene};
+use radiosity_io::{Imported, write_exr, write_png};
+use radiosity_render::numbers::ROUND;
+use radiosity_render::{
+    Exposure, FacetIrradiance, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone, TwoPass, TwoPassSettings,
+};
+use serde_json::{Value, json};
+
+use crate::args::RenderArgs;
+use crate::film_state::{self, Settings};
+use crate::solve::SPECULAR_RAYS;
+use crate::viewpoint::Viewpoint;
+use crate::{Failure, Verdict, output, scene, solve};
+
+/// Elements of the first pass, about, if no mesh is asked for.
+const ELEMENTS: f64 = 2000.0;
+
+/// Rays of a row of straight form factors of the first pass, as many as by way of specular surfaces: neighbouring elements should not differ to the eye.
+const RAYS: u32 = SPECULAR_RAYS;
+
+/// Noise at which a picture is done if none is asked for.
+const NOISE: f64 = 0.02;
+
+/// Share of the pixels that show no light that are not brighter than white.
+const BELOW_WHITE: f64 = 0.98;
+
+/// Time between two previews.
+const EVERY: Duration = Duration::from_secs(3);
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
+    for path in [Some(&args.output), args.preview.as_ref()].into_iter().flatten() {
+        format_of(path)?;
+    }
+    for path in [Some(&args.output), args.preview.as_ref(), args.state.as_ref()].into_iter().flatten() {
+        in_a_folder(path)?;
+    }
+    let imported = scene::with_specular(&args.common)?;
+    let scene = &imported.scene;
+    if !matches!(scene.bands(), 1 | 3) {
+        return Err(format!("a picture shows 1 or 3 bands; this scene has {}", scene.bands()).into());
+    }
+    let view = Viewpoint::new(&args.view, scene)?;
+    let classes = classes(args);
+    let strategy = strategy(args, scene);
+    if args.common.dry_run {
+        return dry_run(args, scene, &strategy, &view);
+    }
+    let settings = settings(args, scene, &strategy, &view);
+    let mut film = match &args.state {
+        Some(path) if args.resume => film_state::read(path, args.view.size, scene.bands(), &settings)?,
+        _ => Film::new(args.view.size[0], args.view.size[1], scene.bands()),
+    };
+    let mut studio = Studio { args, settings, seconds: 0.0 };
+    let seed = args.common.seed;
+    if args.reference {
+        let occluders = Occluders::of_scene(scene);
+        let stage = Stage::new(scene, &occluders);
+        let tracer = PathTracer::new(&stage, classes);
+        studio.expose(&mut film, &stage, &view, |film| tracer.expose(&view.camera, seed, film))?;
+        return studio.finish(&imported, &film, &stage, &view, None);
+    }
+    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let first = run_enhanced(scene, &strategy, transport, &mut ())?;
+    let stage = Stage::new(scene, first.run.geometry.element_occluders());
+    let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
+    let stored = Stored::Apart([&direct, &by_way, &indirect, &more]);
+    let pass = TwoPassSettings { light_points: args.light_points, gather: args.gather };
+    let pass = TwoPass::new(&stage, stored, pass, classes)?;
+    studio.expose(&mut film, &stage, &view, |film| pass.expose(&view.camera, seed, film))?;
+    studio.finish(&imported, &film, &stage, &view, Some((&strategy, &first)))
+}
+
+/// The classes asked for; all if none is.
+fn classes(args: &RenderArgs) -> PathClasses {
+    if args.paths.is_empty() {
+        return PathClasses::ALL;
+    }
+    args.paths.iter().fold(PathClasses::NONE, |set, class| set.with(*class))
+}
+
+/// How the first pass is solved: rows of rays with exact emitters, of which most entries are 0 where there are many elements.
+fn strategy(args: &RenderArgs, scene: &Scene) -> Strategy {
+    let mut mesh = solve::mesh_settings(&args.mesh);
+    if args.mesh.subdivide.is_none() && args.mesh.element_size.is_none() {
+        mesh.elements = Subdivision::EdgeLength((scene.area() / ELEMENTS).sqrt());
+    }
+    let shape = if mesh.patches.is_some() { Shape::ElementsToPatches } else { Shape::Full };
+    let plain = Strategy::new(mesh.elements, Method::RaysAndEmitters { rays: RAYS });
+    Strategy { mesh, shape, store: Store::Sparse, seed: args.common.seed, ..plain }
+}
+
+/// What samples depend on.
+fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpoint) -> Settings {
+    let method = if args.reference {
+        "--reference".to_owned()
+    } else {
+        format!(
+            "{:?} on {:?}, bounces {:?}, light points {}, gather {}",
+            strategy.method, strategy.mesh, args.specular_bounces, args.light_points, args.gather
+        )
+    };
+    let classes: Vec<&str> =
+        PathClass::ALL.into_iter().filter(|c| classes(args).has(*c)).map(PathClass::name).collect();
+    vec![
+        ("scene", format!("{:016x}", fingerprint(scene))),
+        ("camera", view.json().to_string()),
+        ("--seed", args.common.seed.to_string()),
+        ("--paths", classes.join(",")),
+        ("method", method),
+        ("version of the program", env!("CARGO_PKG_VERSION").to_owned()),
+    ]
+}
+
+/// A number that differs, but for chance, between scenes that differ in any corner or material.
+fn fingerprint(scene: &Scene) -> u64 {
+    let mut hash = mix(scene.surfaces.len() as u64);
+    let mut add = |word: u64| hash = mix(hash ^ word);
+    for surface in &scene.surfaces {
+        add(surface.material as u64);
+        for piece in &surface.pieces {
+            add(piece.vertices().len() as u64);
+            piece.vertices().iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
+        }
+    }
+    // Numbers are shown to their last bit.
+    format!("{:?}", scene.materials).bytes().for_each(|byte| add(byte.into()));
+    hash
+}
+
+/// A picture being taken.
+struct Studio<'a> {
+    args: &'a RenderArgs,
+    settings: Settings,
+    /// Time of all rounds of this run.
+    seconds: f64,
+}
+
+impl Studio<'_> {
+    fn noise(&self) -> f64 {
+        self.args.noise.unwrap_or(NOISE)
+    }
+
+    /// Whether a film is good enough.
+    fn good(&self, film: &Film) -> bool {
+        film.rounds > 1 && self.noise() > 0.0 && film.noise() <= self.noise()
+    }
+
+    /// Takes rounds until the film is good enough or has as many samples as it may have.
+    fn expose(
+        &mut self,
+        film: &mut Film,
+        stage: &Stage<'_>,
+        view: &Viewpoint,
+        mut round: impl FnMut(&mut Film),
+    ) -> Result<(), Failure> {
+        let common = &self.args.common;
+        let most = self.args.samples.div_ceil(ROUND);
+        let mut shown = Instant::now();
+        while film.rounds < most.into() && !self.good(film) {
+            let clock = Instant::now();
+            round(film);
+            self.seconds += clock.elapsed().as_secs_f64();
+            if shown.elapsed() >= EVERY {
+                self.keep(film, stage, view)?;
+                if !(common.quiet || common.no_progress || common.json) {
+                    eprintln!("{} samples a pixel, noise {}", samples(film), percent(film.noise()));
+                }
+                shown = Instant::now();
+            }
+        }
+        self.keep(film, stage, view)
+    }
+
+    /// Writes preview and state, where asked for.
+    fn keep(&self, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<(), Failure> {
+        if let Some(path) = &self.args.preview {
+            self.write(path, film, stage, view)?;
+        }
+        if let Some(path) = &self.args.state {
+            film_state::write(path, film, &self.settings)?;
+        }
+        Ok(())
+    }
+
+    /// White as asked for, or what few of the pixels that show no light exceed; lights are far brighter than what they light.
+    fn exposure(&self, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Exposure {
+        let tone = self.args.tone.into();
+        let exposure = match self.args.white {
+            Some(white) => Exposure::white_at(white),
+            None => {
+                let camera = &view.camera;
+                let shows_light = |k: usize| {
+                    let (x, y) = (k % camera.width() as usize, k / camera.width() as usize);
+                    let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+                    let place = stage.first(camera.eye(), direction).filter(|place| place.front);
+                    place.is_some_and(|place| stage.emission(place.surface).iter().any(|e| *e > 0.0))
+                };
+                let values = radiosities(film);
+                let mut counts: Vec<f64> = (0..values.len()).map(|k| f64::from(u8::from(!shows_light(k)))).collect();
+                if counts.iter().all(|count| *count == 0.0) {
+                    counts.fill(1.0);
+                }
+                let white = Exposure::of_share(&values, &counts, BELOW_WHITE).white();
+                Exposure::white_at(white * Tone::headroom(tone))
+            }
+        };
+        exposure.toned(tone)
+    }
+
+    /// Writes a picture; gives the radiosity shown as white if there is one.
+    fn write(&self, path: &Path, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<Option<f64>, Failure> {
+        match format_of(path)? {
+            Format::Png => {
+                let exposure = self.exposure(film, stage, view);
+                let rgb: Vec<u8> = radiosities(film).into_iter().flat_map(|b| exposure.colour(b)).collect();
+                write_png(path, film.width, film.height, &rgb)?;
+                Ok(Some(exposure.white()))
+            }
+            Format::Exr => {
+                let rgb: Vec<[f32; 3]> = radiances(film).into_iter().map(|l| l.map(|l| l as f32)).collect();
+                write_exr(path, film.width, film.height, &rgb)?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Writes the picture and reports.
+    fn finish(
+        &self,
+        imported: &Imported,
+        film: &Film,
+        stage: &Stage<'_>,
+        view: &Viewpoint,
+        first: Option<(&Strategy, &EnhancedRun<'_>)>,
+    ) -> Result<Verdict, Failure> {
+        let args = self.args;
+        let white = self.write(&args.output, film, stage, view)?;
+        let converged = first.is_none_or(|(_, first)| first.run.solution.outcome == Outcome::Converged);
+        let met = args.noise.is_none_or(|noise| noise == 0.0 || self.good(film));
+        let object = json!({
+            "picture": args.output.display().to_string(),
+            "camera": view.json(),
+            "white": white,
+            "method": if args.reference { "path tracing" } else { "two passes" },
+            "first_pass": first.map(first_json),
+            "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
+            "samples": samples(film),
+            "noise": finite(film.noise()),
+            "noise_met": self.good(film),
+            "peak_bytes": output::peak_bytes(),
+            "scene": output::import(&imported.report),
+        });
+        let mut lines: Vec<String> = first.map(first_line).into_iter().collect();
+        lines.push(format!(
+            "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}{}",
+            film.width,
+            film.height,
+            samples(film),
+            self.seconds,
+            film.cost.rays,
+            percent(film.noise()),
+            white.map_or_else(String::new, |white| format!("; white is {white:.4e} W/m²"))
+        ));
+        lines.push(format!("→ {}", args.output.display()));
+        output::print(&args.common, &object, &lines);
+        Ok(if converged && met { Verdict::Done } else { Verdict::CheckFailed })
+    }
+}
+
+fn samples(film: &Film) -> u64 {
+    film.rounds * u64::from(ROUND)
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+fn percent(noise: f64) -> String {
+    finite(noise).map_or_else(|| "not known".to_owned(), |noise| format!("{:.2} %", 100.0 * noise))
+}
+
+fn first_json((strategy, first): (&Strategy, &EnhancedRun<'_>)) -> Value {
+    let (run, solution) = (&first.run, &first.run.solution);
+    json!({
+        "elements": run.geometry.elements().len(),
+        "patches": run.geometry.patches().len(),
+        "method": output::method(strategy.method),
+        "store": strategy.store.name(),
+        "solver": strategy.solver,
+        "outcome": solution.outcome.to_string(),
+        "steps": solution.steps,
+        "seconds": run.seconds(),
+        "meshing": output::phase(&run.meshing),
+        "form_factors": output::phase(&run.form_factors),
+        "extended_form_factors": output::phase(&first.specular),
+        "solve": { "seconds": solution.time.as_secs_f64(), "counts": output::cost(&solution.cost) },
+        "counts": output::cost(&run.cost()),
+        "stored_bytes": run.stored_bytes,
+    })
+}
+
+fn first_line((strategy, first): (&Strategy, &EnhancedRun<'_>)) -> String {
+    let run = &first.run;
+    format!(
+        "first pass: {} elements, form factors by {} in {:.3} s, {:.3} s of that by way of specular surfaces; {}: {}, {} steps",
+        run.geometry.elements().len(),
+        strategy.method.name(),
+        run.form_factors.time.as_secs_f64(),
+        first.specular.time.as_secs_f64(),
+        strategy.solver,
+        run.solution.outcome,
+        run.solution.steps
+    )
+}
+
+fn dry_run(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpoint) -> Result<Verdict, Failure> {
+    let [width, height] = args.view.size;
+    let most = u64::from(width) * u64::from(height) * u64::from(args.samples.div_ceil(ROUND) * ROUND);
+    let mut object = json!({ "dry_run": true, "camera": view.json(), "most_samples": most });
+    let mut line = format!("{width} × {height} pixels, {most} samples at most; nothing written");
+    if !args.reference {
+        let p = predict(&Size::of(&Geometry::new(scene, &strategy.mesh)?), strategy);
+        object["predicted"] = json!({
+            "elements": p.elements, "form_factors": p.form_factors, "rays": p.rays, "stored_bytes": p.stored_bytes,
+        });
+        line = format!("{} elements, {} rays for their form factors; {line}", p.elements, p.rays);
+    }
+    output::print(&args.common, &object, &[line]);
+    Ok(Verdict::Done)
+}
+
+/// Refuses a file that could not be written after all the work.
+fn in_a_folder(path: &Path) -> Result<(), Failure> {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(format!("{}: there is no folder {}; make it first", path.display(), folder.display()).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Kinds of pictures.
+enum Format {
+    Png,
+    Exr,
+}
+
+fn format_of(path: &Path) -> Result<Format, Failure> {
+    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("png") => Ok(Format::Png),
+        Some("exr") => Ok(Format::Exr),
+        _ => Err(format!("{}: a picture ends in .png or .exr", path.display()).into()),
+    }
+}
+
+/// Radiance of every pixel as red, green and blue; of one band all three show it.
+fn radiances(film: &Film) -> Vec<[f64; 3]> {
+    film.means().chunks_exact(film.bands).map(|bands| [0, 1, 2].map(|b| bands[b.min(film.bands - 1)])).collect()
+}
+
+/// B = πL of every pixel.
+fn radiosities(film: &Film) -> Vec<[f64; 3]> {
+    radiances(film).into_iter().map(|l| l.map(|l| PI * l)).collect()
+}

@@ -1,0 +1,182 @@
+//! Enhanced radiosity: the first pass, in which light may take specular surfaces between diffuse ones.
+//!
+//! ```text
+//! B = E + ρ (F + F′) B
+//! ```
+//!
+//! with F of any method, as without specular surfaces, and F′ along rays ([`radiosity_form_factors::extended`]). The answer is as view-independent as before. H is also
+//! given by the ways in which it arrived, for a second pass that replaces some of them:
+//!
+//! ```text
+//! H = F E + F′ E + F (B − E) + F′ (B − E)
+//! ```
+
+use std::time::Instant;
+
+use radiosity_core::{BandValues, Form, FormFactors, Observer, System};
+use radiosity_form_factors::Receivers;
+use radiosity_form_factors::extended::{Mirrors, SpecularBounces, SpecularRays};
+use radiosity_form_factors::stores::{ExtendedFormFactors, SparseFormFactors};
+use radiosity_geometry::Scene;
+use radiosity_render::brdf::SpecularSurfaces;
+
+use crate::estimate::{ends, fill};
+use crate::run::{Check, Known, named, solve_stored};
+use crate::{Geometry, Phase, Run, RunError, Shape, Strategy};
+
+/// How light takes specular surfaces between diffuse ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpecularTransport {
+    /// How many in a row.
+    pub bounces: SpecularBounces,
+    /// Rays of every row of F′.
+    pub rays: u32,
+}
+
+impl SpecularTransport {
+    /// Any number of bounces, by 1,024 rays a row.
+    pub const ANY: Self = Self { bounces: SpecularBounces::Any, rays: 1024 };
+    /// Specular parts count as absent.
+    pub const NONE: Self = Self { bounces: SpecularBounces::None, rays: 1024 };
+}
+
+/// A first pass.
+pub struct EnhancedRun<'a> {
+    /// The run; its phases include the extended form factors.
+    pub run: Run<'a>,
+    /// H of the exposed elements by its ways of arriving: from lights, from lights by way of specular surfaces, from diffuse surfaces, and from those by way of
+    /// specular ones.
+    pub ways: [BandValues; 4],
+    /// What the extended form factors alone took.
+    pub specular: Phase,
+}
+
+/// Solves `scene` by `strategy` with specular surfaces between diffuse ones. A scene without any gives the bytes of [`crate::run`].
+///
+/// # Errors
+///
+/// [`RunError`] as [`crate::run`]; extended form factors along rays are not symmetric, they are not repaired, and the two-level form and links do not take them.
+pub fn run_enhanced<'a>(
+    scene: &'a Scene,
+    strategy: &Strategy,
+    transport: SpecularTransport,
+    observer: &mut dyn Observer,
+) -> Result<EnhancedRun<'a>, RunError> {
+    let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
+    if specular {
+        check(strategy)?;
+    } else {
+        strategy.check()?;
+    }
+    let clock = Instant::now();
+    let geometry = Geometry::new(scene, &strategy.mesh)?;
+    let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
+    let form = strategy.shape.form();
+    let clock = Instant::now();
+    let (straight, cost) =
+        fill(crate::rows(&geometry, strategy.method, form, strategy.seed)?, strategy.store, strategy.memory)?;
+    let mut form_factors = Phase { cost, time: clock.elapsed() };
+    let extended =
+        if specular { Some(extend(&geometry, straight.store(), form, transport, strategy.seed)?) } else { None };
+    let of_specular = extended.as_ref().map_or(Phase::default(), |(_, phase)| *phase);
+    form_factors.cost += of_specular.cost;
+    form_factors.time += of_specular.time;
+    let store: &dyn FormFactors = extended.as_ref().map_or(straight.store(), |(store, _)| store);
+    let known = Known { form_factors, repair: None, checks: Check::Known(None) };
+    let made = solve_stored(&geometry, store, known, strategy, None, observer)?;
+    let ways = ways(&geometry, (straight.store(), store), strategy, made.radiosity())?;
+    drop(extended);
+    drop(straight);
+    Ok(EnhancedRun { run: made.run(geometry, meshing), ways, specular: of_specular })
+}
+
+/// Refuses what extended form factors cannot serve, before any is computed.
+fn check(strategy: &Strategy) -> Result<(), RunError> {
+    const ROWS: &str = "extended";
+    strategy.check_rows(false, ROWS).or_else(|refused| {
+        // The straight part may be symmetric, in a store of its own.
+        let solver = named(&strategy.solver, strategy.seed)?;
+        if strategy.repair || solver.needs().symmetric { Err(refused) } else { strategy.check() }
+    })?;
+    if strategy.shape == Shape::TwoLevel || matches!(strategy.store, crate::Store::Hierarchical { .. }) {
+        return Err(RunError::Extended { shape: strategy.shape.name(), store: strategy.store.name() });
+    }
+    Ok(())
+}
+
+/// The form factors of `straight` with those by way of specular surfaces.
+fn extend<'s>(
+    geometry: &Geometry<'_>,
+    straight: &'s dyn FormFactors,
+    form: Form,
+    transport: SpecularTransport,
+    seed: u64,
+) -> Result<(ExtendedFormFactors<'s>, Phase), RunError> {
+    let clock = Instant::now();
+    let scene = geometry.scene();
+    let scatter = SpecularSurfaces::new(scene);
+    let surface_of: Vec<u32> = scene.pieces().map(|(s, _)| s as u32).collect();
+    let mirrors = Mirrors { occluders: geometry.element_occluders(), surface_of: &surface_of, scatter: &scatter };
+    let elements = geometry.elements();
+    let receivers = match form {
+        Form::ElementsToPatches => Receivers::grouped(elements, geometry.parent(), geometry.patches().len()),
+        Form::Full | Form::PatchesToElements => Receivers::facets(elements),
+    };
+    let (sources, _) = ends(geometry, form);
+    let (of_band, firsts) = groups(scene);
+    let mut phase = Phase::default();
+    let mut tables = Vec::with_capacity(firsts.len());
+    for band in firsts {
+        let band = (scene.bands(), band);
+        let rows = SpecularRays::new((sources, receivers), mirrors, transport.bounces, band, transport.rays, seed);
+        let (table, cost) = SparseFormFactors::assemble(&rows)?;
+        phase.cost += cost;
+        tables.push(table);
+    }
+    phase.time = clock.elapsed();
+    Ok((ExtendedFormFactors::new(straight, tables, of_band), phase))
+}
+
+/// The group of every band, and the first band of every group: bands in which all specular surfaces are alike.
+fn groups(scene: &Scene) -> (Vec<usize>, Vec<usize>) {
+    let specular: Vec<_> = scene.materials.iter().filter_map(|m| m.specular.as_ref()).collect();
+    let (mut of_band, mut firsts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
+    for b in 0..scene.bands() {
+        let known = firsts.iter().position(|&a| specular.iter().all(|s| s.alike(a, b)));
+        of_band.push(known.unwrap_or(firsts.len()));
+        if known.is_none() {
+            firsts.push(b);
+        }
+    }
+    (of_band, firsts)
+}
+
+/// H by its ways of arriving, from the radiosity of the solution.
+fn ways(
+    geometry: &Geometry<'_>,
+    (straight, whole): (&dyn FormFactors, &dyn FormFactors),
+    strategy: &Strategy,
+    radiosity: &BandValues,
+) -> Result<[BandValues; 4], RunError> {
+    let (emission, reflectance) = (geometry.emission(), geometry.reflectance());
+    let areas = geometry.elements().areas();
+    let direction = named(&strategy.solver, strategy.seed)?.needs().direction;
+    let irradiance = |store: &dyn FormFactors, x: &BandValues| -> Result<BandValues, RunError> {
+        let form = strategy.shape.form();
+        let system =
+            System::substructured(store, form, &areas, geometry.parent(), emission.view(), reflectance.view())?;
+        let mut h = BandValues::zeros(emission.count(), emission.len());
+        system.irradiance(direction, x.view(), h.view_mut())?;
+        Ok(h)
+    };
+    let minus = |a: &BandValues, b: &BandValues| {
+        let values = a.values().iter().zip(b.values()).map(|(a, b)| a - b).collect();
+        BandValues::new(values, a.len())
+    };
+    let reflected = minus(radiosity, &emission);
+    let (direct, indirect) = (irradiance(straight, &emission)?, irradiance(straight, &reflected)?);
+    // Nothing else where nothing is specular; sums of both parts less the one, so as not to read tables in a way of their own.
+    let (by_way, more) =
+        (minus(&irradiance(whole, &emission)?, &direct), minus(&irradiance(whole, &reflected)?, &indirect));
+    Ok([direct, by_way, indirect, more])
+}
