@@ -455,16 +455,16 @@ impl FaceCells {
                 parts.into_iter().map(|parts| parts.into_iter().map(|part| part.polygon).collect()).collect();
             return Self { grids, elements: Parts::of(elements), parents: Vec::new(), patches: Vec::new(), partitions };
         }
-        let (mut elements, mut parents) = (vec![Vec::new(); cells], vec![Vec::new(); cells]);
-        let mut patches = Vec::new();
+        // Parts in the order of cells, each with its patch; those of one cell stay in the order of patches.
+        let (mut placed, mut patches) = (Vec::with_capacity(cells), Vec::new());
         for part in parts.into_iter().flatten() {
-            for (cell, polygon) in part.cells {
-                elements[cell].push(polygon);
-                parents[cell].push(patches.len());
-            }
+            placed.extend(part.cells.into_iter().map(|(cell, polygon)| (cell, patches.len(), polygon)));
             patches.push(part.polygon);
         }
-        let (elements, parents) = (Parts::of(elements), parents.into_iter().flatten().collect());
+        placed.sort_by_key(|(cell, ..)| *cell);
+        let parents = placed.iter().map(|(_, patch, _)| *patch).collect();
+        let begins = (0..=cells).map(|cell| placed.partition_point(|(of, ..)| *of < cell)).collect();
+        let elements = Parts { polygons: placed.into_iter().map(|(.., polygon)| polygon).collect(), begins };
         Self { grids, elements, parents, patches, partitions }
     }
 }
