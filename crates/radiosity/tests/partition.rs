@@ -10,9 +10,14 @@ use radiosity_geometry::mesh::Subdivision;
 /// patches.
 const PLACES: [f64; 2] = [0.37 * 4.0, 4.0 / 3.0];
 
-/// Estimators that decide what blocks by geometry. Hemicubes guess it for what lies between the centres of their pixels.
-const METHODS: [Method; 4] =
-    [Method::ANALYTIC, Method::sampled(1e-6, 16), Method::rays(256), Method::RaysAndEmitters { rays: 256 }];
+/// Every estimator, with little effort: what a partition hides is hidden however few rays or pixels there are.
+const METHODS: [Method; 5] = [
+    Method::ANALYTIC,
+    Method::sampled(1e-6, 16),
+    Method::rays(256),
+    Method::RaysAndEmitters { rays: 256 },
+    Method::Hemicube { resolution: 32 },
+];
 
 /// A room parted at x by a sheet that has two sides; the wall at x = 0 is a light.
 fn parted(x: f64) -> Scene {
