@@ -1,10 +1,14 @@
 //! Pictures of radiosity solutions.
 //!
 //! A [`Camera`] looks at facets, a [`View`] remembers what each of its pixels sees, and colours come from one
-//! [`Exposure`] for all pictures of a comparison or from a [`Scale`] of false colours. What is *not* here: files
-//! (`radiosity-io` writes them), BRDFs and a view-dependent second pass. Every facet is shown in the one radiosity it has,
-//! the same from all sides and without interpolation, so that blockiness is seen as it is, or in what a function says of its points
+//! [`Exposure`] for all pictures of a comparison or from a [`Scale`] of false colours. There every facet is shown in the one radiosity it
+//! has, the same from all sides and without interpolation, so that blockiness is seen as it is, or in what a function says of its points
 //! ([`View::picture_of`]).
+//!
+//! Where surfaces are specular, a [`Stage`] is the scene as paths of light see it, with the functions of [`brdf`]: a [`TwoPass`] follows
+//! specular paths from the eye to stored irradiance, and a [`PathTracer`] is the reference. Both expose a [`Film`].
+//!
+//! What is *not* here: files (`radiosity-io` writes them), and the first pass.
 
 pub mod brdf;
 pub mod camera;

@@ -124,11 +124,6 @@ impl<'a> Stage<'a> {
         &self.scene.materials[self.scene.surfaces[surface].material].reflectance
     }
 
-    /// Whether anything emits.
-    pub fn is_lit(&self) -> bool {
-        !self.lights.is_empty()
-    }
-
     /// A point on a light, drawn in proportion to power; `None` where there is no light.
     pub fn light_point(&self, u: [f64; 3]) -> Option<LightPoint> {
         let last = self.lights.len().checked_sub(1)?;

@@ -30,20 +30,6 @@ impl<'a> ExtendedFormFactors<'a> {
         Self { straight, tables, of_band }
     }
 
-    /// F without F′.
-    pub fn straight(&self) -> &'a dyn FormFactors {
-        self.straight
-    }
-
-    /// F′ alone: y_s = Σ_t A_s F′_st x_t.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError`] if a row cannot be had.
-    pub fn gather_specular(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
-        self.product(x, y, |table, x, y| table.gather(x, y))
-    }
-
     fn table(&self, band: usize) -> &SparseFormFactors {
         if self.tables.len() == 1 { &self.tables[0] } else { &self.tables[self.of_band[band]] }
     }

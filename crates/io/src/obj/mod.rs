@@ -6,8 +6,8 @@
 //! no area, and its row and column of form factors are 0. A sheet given once each way round keeps both sides.
 //!
 //! **Materials.** `Kd` is the reflectance ρ, `Ke` the radiance L in W/(m² sr); a diffuse emitter of radiance L has the
-//! emission E = π·L in W/m². Three bands. Textures and specular or transparent parts are left out and named in the
-//! report. ρ ≥ 1 and Kd + Ks > 1 are refused, or scaled down where [`ReadOptions::clamp_reflectance`] allows it.
+//! emission E = π·L in W/m². Three bands. Mirrors, glass, metal and lobes are read as `optics.rs` says; textures and `d` are left out, and all
+//! are named in the report. ρ ≥ 1 and Kd + Ks > 1 are refused, or scaled down where [`ReadOptions::clamp_reflectance`] allows it.
 //!
 //! Geometry is scanned line by line here so that errors name lines; materials are read by `tobj`, see `library.rs`. What is *not*
 //! here: normals and texture coordinates (not needed), curves and free-form surfaces (named in the report).
