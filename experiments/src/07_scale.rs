@@ -163,10 +163,9 @@ impl Experiment for Scale {
             Panel::new(Axis::log("elements m", ""), Axis::log(label, unit)).title("Cornell box").all_series(series)
         };
         let city = |x: &'static str, x_label: &str, column: &'static str, label: &str, unit: &str| {
-            let series = group_by(tables.select_eq("scene", "city"), "city_by").into_iter().map(|(rays, rows)| {
-                Series::new(&*rays, &*rays)
-                    .rows(rows, |r| (value(r, x), value(r, column)))
-            });
+            let series = group_by(tables.select_eq("scene", "city"), "city_by")
+                .into_iter()
+                .map(|(rays, rows)| Series::new(&*rays, &*rays).rows(rows, |r| (value(r, x), value(r, column))));
             Panel::new(Axis::log(x_label, if x == "time" { "s" } else { "" }), Axis::log(label, unit))
                 .title("city")
                 .all_series(series)
