@@ -103,7 +103,7 @@ impl Experiment for Scale {
         let profile = context.profile();
         let (blocks, rays) = cities(profile);
         let boxes: usize = STRATEGIES.iter().map(|name| sizes(profile, name).len()).sum();
-        context.begin(boxes + tolerances(profile).len() + blocks.len() * rays.len());
+        context.begin(boxes + tolerances(profile).len() + blocks.len() * (rays.len() + 1));
         let scene = cornell()?;
         let truth = cornell_truth(context, &scene)?;
         for name in STRATEGIES {
@@ -135,14 +135,21 @@ impl Experiment for Scale {
                 runs.push((rays, grid(&run), run));
                 context.tick(format!("city of {} facets, {rays} rays", scene.surfaces.len()));
             }
+            let plain = strategy("hierarchical", 1);
+            let method = Method::of_links_among(scene.surfaces.len());
+            let links = radiosity::run(&scene, &Strategy { method, ..plain }, &mut ())?;
+            context.tick(format!("city of {} facets, links", scene.surfaces.len()));
             let Some((_, truth, _)) = runs.last() else { continue };
             // The error of rays falls at least like the root of their number, which quadruples: the reference errs half as much.
             let errors: Vec<ErrorMeasure> = runs.iter().map(|(_, grid, _)| grid.error(truth)).collect();
             let reference_error = errors.iter().rev().nth(1).map_or(0.0, |error| 0.5 * error.rms);
             for ((rays, _, run), error) in runs.iter().zip(&errors).take(runs.len() - 1) {
                 let record = line(format!("city/{blocks}/{rays}"), "ray-cast", run, error, reference_error);
-                context.record(record.text("scene", "city").int("rays_a_row", *rays));
+                context.record(record.text("scene", "city").text("city_by", format!("{rays} rays a row")));
             }
+            let error = grid(&links).error(truth);
+            let record = line(format!("city/{blocks}/links"), "hierarchical", &links, &error, reference_error);
+            context.record(record.text("scene", "city").text("city_by", "links"));
         }
         Ok(())
     }
@@ -156,10 +163,9 @@ impl Experiment for Scale {
             Panel::new(Axis::log("elements m", ""), Axis::log(label, unit)).title("Cornell box").all_series(series)
         };
         let city = |x: &'static str, x_label: &str, column: &'static str, label: &str, unit: &str| {
-            let series = group_by(tables.select_eq("scene", "city"), "rays_a_row").into_iter().map(|(rays, rows)| {
-                Series::new(format!("{rays} rays a row"), format!("{rays} rays"))
-                    .rows(rows, |r| (value(r, x), value(r, column)))
-            });
+            let series = group_by(tables.select_eq("scene", "city"), "city_by")
+                .into_iter()
+                .map(|(rays, rows)| Series::new(&*rays, &*rays).rows(rows, |r| (value(r, x), value(r, column))));
             Panel::new(Axis::log(x_label, if x == "time" { "s" } else { "" }), Axis::log(label, unit))
                 .title("city")
                 .all_series(series)
@@ -179,7 +185,7 @@ impl Experiment for Scale {
                     let axes = (Axis::log("time", "s"), Axis::log("error", "share of the mean"));
                     [Panel::new(axes.0, axes.1).title("Cornell box").all_series(series)]
                 }),
-            Figure::new("city", "Cities of facets, rows of rays in the sparse store")
+            Figure::new("city", "Cities of facets: rows of rays in the sparse store, and links")
                 .caption("Error of irradiance of every facet against rows of many more rays.")
                 .panel(city("elements", "facets", "time", "time", "s"))
                 .panel(city("elements", "facets", "stored_bytes", "memory of form factors", "bytes"))
@@ -219,9 +225,9 @@ impl Experiment for Scale {
         let good = cities.iter().filter(|r| r.number("elements") == largest && r.number("error") <= 0.01);
         if let Some(first) = good.min_by(|a, b| a.seconds("time").total_cmp(&b.seconds("time"))) {
             reading.push(format!(
-                "A city of {largest} facets is at {} with {} rays a row in {}, its form factors in {} MB.",
+                "A city of {largest} facets is at {} with {} in {}, its form factors in {} MB.",
                 numbers::percent(first.number("error")),
-                first.number("rays_a_row"),
+                first.text("city_by"),
                 numbers::seconds(first.seconds("time")),
                 (first.number("stored_bytes") / 1e6).round()
             ));

@@ -14,7 +14,6 @@ use std::error::Error;
 use radiosity::{Adaptive, DirectLight, Geometry, Goal, GridValues, Method, Run, Shape, Store, Strategy, run_adaptive};
 use radiosity_core::BandValues;
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
-use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_gallery::boxes::{empty_box, material};
 use radiosity_gallery::{BlockedLight, Hinge, crowded_room};
 use radiosity_geometry::mesh::Subdivision;
@@ -178,8 +177,7 @@ fn solve<'a>(contender: &str, member: &'a Member, level: u32) -> Result<(Strateg
         }
         _ => {
             let store = Store::Hierarchical { error: 0.5 * TARGET, direct: DirectLight::WhereFew };
-            let few = matches!(pairs, Method::Analytic { partial: PartialVisibility::Exact { .. }, .. });
-            let method = if few { Method::OF_LINKS } else { Method::sampled(1e-6, 64) };
+            let method = Method::of_links_among(Occluders::blocking(scene).len());
             Strategy { store, solver: "jacobi".to_owned(), ..plain(method) }
         }
     };

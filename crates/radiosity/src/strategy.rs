@@ -65,6 +65,11 @@ impl Method {
         Self::Analytic { tolerance: 1e-10, partial: partial_among(blocking, 1e-6) }
     }
 
+    /// Analytic for links among `blocking` polygons: pairs exactly as in [`Self::OF_LINKS`], or by segments where so many shadows may overlap.
+    pub const fn of_links_among(blocking: usize) -> Self {
+        if blocking <= FEW_BLOCKERS { Self::OF_LINKS } else { Self::sampled(1e-6, LINK_SEGMENTS) }
+    }
+
     /// Rows of `rays` rays each.
     pub const fn rays(rays: u32) -> Self {
         Self::RayCast { rays, error: None }
@@ -83,6 +88,9 @@ impl Method {
 
 /// Blocking polygons up to which partly blocked pairs are exact by default.
 const FEW_BLOCKERS: usize = 64;
+
+/// Segments of a pair of elements among many blockers that is too near for a link's own samples.
+const LINK_SEGMENTS: u32 = 64;
 
 /// The rule for partly blocked pairs among `blocking` polygons: exact to `tolerance` where they are few, else segments.
 pub(crate) const fn partial_among(blocking: usize, tolerance: f64) -> PartialVisibility {

@@ -13,29 +13,24 @@ use glam::Vec3;
 use super::tree::{Hierarchy, Node};
 
 /// Points with normals, one number of all of them after the other, so that loops over them become vector instructions.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Points {
-    x: [[f32; 4]; 3],
-    n: [[f32; 4]; 3],
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Points<const N: usize> {
+    x: [[f32; N]; 3],
+    n: [[f32; N]; 3],
 }
 
-impl Points {
-    pub fn new(points: [(Vec3, Vec3); 4]) -> Self {
-        let mut all = Self::default();
-        for (k, (x, n)) in points.into_iter().enumerate() {
-            (0..3).for_each(|c| (all.x[c][k], all.n[c][k]) = (x[c], n[c]));
-        }
-        all
+impl<const N: usize> Points<N> {
+    pub fn new(points: &[(Vec3, Vec3); N]) -> Self {
+        let of = |number: &dyn Fn(&(Vec3, Vec3)) -> f32| std::array::from_fn(|k| number(&points[k]));
+        Self { x: [0, 1, 2].map(|c| of(&|p| p.0[c])), n: [0, 1, 2].map(|c| of(&|p| p.1[c])) }
     }
+}
 
-    /// The points of a node.
-    pub fn of(hierarchy: &Hierarchy, k: u32) -> Self {
-        let node = &hierarchy.nodes[k as usize];
-        if node.is_cluster() {
-            return Self::new(hierarchy.spread[k as usize]);
-        }
+impl Points<4> {
+    /// Gauss's points of a node of one plane.
+    pub fn of(hierarchy: &Hierarchy, node: &Node) -> Self {
         let (n, (u, v)) = (hierarchy.normals[node.plane as usize], axes(node));
-        Self::new([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(s, t)| (node.centre + u * s + v * t, n)))
+        Self::new(&[(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(s, t)| (node.centre + u * s + v * t, n)))
     }
 }
 
@@ -44,12 +39,9 @@ fn axes(node: &Node) -> (Vec3, Vec3) {
     (node.u * third, node.v * third)
 }
 
-/// K between four points and four others.
-pub(super) type Kernel = [[f32; 4]; 4];
-
-/// K of every two points; 0 where one does not see the other's front.
-pub(super) fn kernel(p: &Points, q: &Points) -> Kernel {
-    let mut k = [[0.0; 4]; 4];
+/// K of every two points, those of the first node along the rows; 0 where one does not see the other's front.
+pub(super) fn kernel<const N: usize, const M: usize>(p: &Points<N>, q: &Points<M>) -> [[f32; M]; N] {
+    let mut k = [[0.0; M]; N];
     for (a, row) in k.iter_mut().enumerate() {
         for (b, k) in row.iter_mut().enumerate() {
             let d = [q.x[0][b] - p.x[0][a], q.x[1][b] - p.x[1][a], q.x[2][b] - p.x[2][a]];
@@ -62,10 +54,22 @@ pub(super) fn kernel(p: &Points, q: &Points) -> Kernel {
     k
 }
 
-/// How the kernel's mean over q varies along the half axes of p: a linear function with the values of the four points' best fit, held so
-/// flat that it is nowhere negative on the parallelogram.
-pub(super) fn slopes(k: &Kernel) -> [f32; 2] {
-    let rows = k.map(|row| 0.25 * (row[0] + row[1] + row[2] + row[3]));
+/// K between Gauss's points of a node of one plane and those of any node: the mean over the other node at each of the four.
+pub(super) fn means(hierarchy: &Hierarchy, p: &Points<4>, q: u32) -> [f32; 4] {
+    fn rows<const M: usize>(k: [[f32; M]; 4]) -> [f32; 4] {
+        k.map(|row| row.iter().sum::<f32>() / M as f32)
+    }
+    let node = &hierarchy.nodes[q as usize];
+    if node.is_cluster() {
+        rows(kernel(p, &Points::new(&hierarchy.spread[q as usize])))
+    } else {
+        rows(kernel(p, &Points::of(hierarchy, node)))
+    }
+}
+
+/// How a function with the given values at Gauss's points varies along the half axes of a node: its best linear fit, held so flat that it is
+/// nowhere negative on the parallelogram.
+pub(super) fn slopes(rows: &[f32; 4]) -> [f32; 2] {
     let mean = 0.25 * (rows[0] + rows[1] + rows[2] + rows[3]);
     // The points are at ±1/√3 of the half axes.
     let third = 3.0_f32.sqrt();
@@ -91,18 +95,15 @@ pub(super) struct Statistics {
     pub deviation: [f32; 2],
 }
 
-pub(super) fn statistics(k: &Kernel) -> Statistics {
-    let (mut rows, mut columns) = ([0.0; 4], [0.0; 4]);
+pub(super) fn statistics<const N: usize>(k: &[[f32; N]; N]) -> Statistics {
+    let (mut rows, mut columns, share) = ([0.0; N], [0.0; N], 1.0 / N as f32);
     for (row, k) in rows.iter_mut().zip(k) {
         for (column, k) in columns.iter_mut().zip(k) {
-            *row += 0.25 * k;
-            *column += 0.25 * k;
+            *row += share * k;
+            *column += share * k;
         }
     }
-    let mean = 0.25 * (rows[0] + rows[1] + rows[2] + rows[3]);
-    let deviation = |m: &[f32; 4]| {
-        let d = [m[0] - mean, m[1] - mean, m[2] - mean, m[3] - mean];
-        (0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + d[3] * d[3])).sqrt()
-    };
+    let mean = share * rows.iter().sum::<f32>();
+    let deviation = |m: &[f32; N]| (share * m.iter().map(|m| (m - mean) * (m - mean)).sum::<f32>()).sqrt();
     Statistics { mean, deviation: [deviation(&rows), deviation(&columns)] }
 }

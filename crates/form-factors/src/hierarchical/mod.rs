@@ -17,8 +17,15 @@
 //!
 //! What is *not* here: light that is better taken exactly (direct light of small emitters), and refinement of the mesh.
 
+mod brightness;
+mod clusters;
 mod exchange;
 mod links;
+mod oracle;
+mod pieces;
+mod refinement;
+mod sample;
+mod screens;
 mod shaft;
 mod tree;
 
@@ -27,7 +34,9 @@ use std::sync::Arc;
 use radiosity_core::{BandValues, Bands, BandsMut, Cost, Entries, FormFactors, Properties, Row, RowBuf, StoreError};
 use rayon::prelude::*;
 
-pub use links::{Brightness, Linking, Links};
+pub use brightness::Brightness;
+pub use links::Links;
+pub use refinement::Linking;
 pub use tree::Hierarchy;
 
 use exchange::Points;
@@ -173,10 +182,10 @@ impl HierarchicalFormFactors {
                 }
                 continue;
             }
-            let (points, [du, dv]) = (Points::of(tree, k as u32), dual(node));
+            let (points, [du, dv]) = (Points::of(tree, node), dual(node));
             for &(q, kernel) in self.ends_of(k) {
-                let all = exchange::kernel(&points, &Points::of(tree, q));
-                let whole = exchange::statistics(&all).mean;
+                let all = exchange::means(tree, &points, q);
+                let whole = 0.25 * all.iter().sum::<f32>();
                 // Slopes in proportion where blockers took their share of the mean.
                 let share = if whole > 0.0 { kernel / whole } else { 0.0 };
                 let [along, across] = exchange::slopes(&all).map(|slope| f64::from(slope * share));

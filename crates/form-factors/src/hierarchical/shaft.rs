@@ -1,198 +1,213 @@
 //! What may stand between two nodes, narrowed from pair to pair on the way down.
 //!
-//! All segments between two nodes lie in the convex hull of both. A polygon K is out of their way if the hull lies on one side of
-//! K's plane, beyond the plane through one of K's edges along the line of centres, before or behind K along that line, or if K lies behind
-//! the plane of a node. It hides them if the nodes are on different sides of its plane and the hull inside all planes of its
-//! edges. Both are exact (a node reaches no further than [`Node::reach`] says), and what is out of the way of two nodes is out of the way of their
-//! children. What is left is tested segment by segment.
+//! Blockers hang in a binary tree of boxes, and a pair's list holds nodes of that tree: polygons, and groups of which nothing more is known
+//! than that their box meets the shaft. A group is opened where a polygon of it may part a node of the pair, or while the list is short. So the list of a pair is short among any number of blockers, and gets finer as
+//! the nodes get smaller.
+//!
+//! A box is out of the way of two nodes if it misses the box around both, lies behind the plane of one, before or behind both
+//! along the line of their centres, or outside the cone that touches both spheres (Haines, Wallace 1991, for shafts of boxes).
 
-use glam::{DVec3, Vec3};
+use std::ops::Range;
+
+use glam::Vec3;
 use radiosity_geometry::Occluders;
 
-use super::tree::{Hierarchy, Node};
+use super::screens::{Between, FLAT, PARTING, Screen, Seen};
+use super::tree::{Frame, Hierarchy, Node};
 
-/// Distance, in units of half the scene, within which points count as lying in a plane: a few times the rounding of single precision.
-pub(super) const FLAT: f32 = 1e-6;
+/// Entries of a list up to which groups are opened whatever their size.
+const SHORT: usize = 8;
+/// Blockers of a list up to which segments are tested against each of them; beyond, the hierarchy of all is asked.
+const FEW: usize = 8;
+/// By how much points are lifted off their surfaces before that, in units of half the scene: beyond their rounding.
+const LIFT: f32 = 4.0 * FLAT;
 
-/// Blockers up to which a search begins with all of them; beyond, the box of the pair picks those to begin with.
-const FEW: usize = 256;
-
-/// Polygons that block, as shafts see them.
+/// Blockers as shafts see them.
 pub(super) struct Screens<'a> {
     occluders: &'a Occluders,
+    frame: Frame,
     screens: Vec<Screen>,
+    /// Groups, each before its parts; the last is the root.
+    groups: Vec<Group>,
 }
 
-struct Screen {
-    normal: Vec3,
-    height: f32,
+/// A box around blockers.
+struct Group {
+    centre: Vec3,
+    half: Vec3,
+    /// Largest radius of its polygons.
+    largest: f32,
+    /// Polygons by their number, groups by theirs beyond that.
+    parts: [u32; 2],
+}
+
+/// The convex hull of two nodes.
+pub(super) struct Shaft<'n> {
+    pub nodes: [&'n Node; 2],
+    /// Normals of nodes of one plane.
+    pub normals: [Option<Vec3>; 2],
+    /// From the first centre to the second.
+    pub along: Vec3,
+    pub length_squared: f32,
+    /// How far the nodes reach along the line, times its length.
+    pub reach_along: [f32; 2],
+    /// How far the nodes reach along the axes, and the box around both.
+    extents: [Vec3; 2],
     middle: Vec3,
-    corners: Vec<Vec3>,
-    /// A point and the normal of the plane, and inward normals m of the edges with m·x on them, for segments.
-    point: DVec3,
-    exact_normal: DVec3,
-    sides: Vec<(DVec3, f64)>,
+    half: Vec3,
 }
 
-/// What lies between two nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Between {
-    /// Nothing.
-    Nothing,
-    /// A polygon that covers every segment.
-    All,
-    /// Polygons that may; `through[k]` if one of them passes through node k, so that parts of it lie on different sides.
-    Some { through: [bool; 2] },
+impl<'n> Shaft<'n> {
+    pub fn new(hierarchy: &'n Hierarchy, p: u32, q: u32) -> Self {
+        let nodes = [p, q].map(|k| &hierarchy.nodes[k as usize]);
+        let along = nodes[1].centre - nodes[0].centre;
+        let extents = nodes.map(Node::extent);
+        let lo = (nodes[0].centre - extents[0]).min(nodes[1].centre - extents[1]);
+        let hi = (nodes[0].centre + extents[0]).max(nodes[1].centre + extents[1]);
+        Self {
+            nodes,
+            normals: nodes.map(|node| (!node.is_cluster()).then(|| hierarchy.normals[node.plane as usize])),
+            along,
+            length_squared: along.length_squared(),
+            reach_along: nodes.map(|node| node.reach(along)),
+            extents,
+            middle: 0.5 * (lo + hi),
+            half: 0.5 * (hi - lo),
+        }
+    }
+
+    /// Whether nothing in a box can be between the nodes.
+    fn misses(&self, group: &Group) -> bool {
+        if (group.centre - self.middle).abs().cmpgt(group.half + self.half + FLAT).any() {
+            return true;
+        }
+        let behind = |(node, normal): (&Node, Option<Vec3>)| {
+            // What lies in the plane may be what parts the other node.
+            normal.is_some_and(|n| (group.centre - node.centre).dot(n) + group.half.dot(n.abs()) < -FLAT)
+        };
+        if self.nodes.into_iter().zip(self.normals).any(behind) {
+            return true;
+        }
+        let [p, q] = self.nodes;
+        let from = group.centre - p.centre;
+        let (at, reach) = (from.dot(self.along), group.half.dot(self.along.abs()));
+        if at + reach <= -self.reach_along[0] || at - reach >= self.length_squared + self.reach_along[1] {
+            return true;
+        }
+        // At distance h from the axis and t along it, h cos φ − R_p − t (R_q − R_p) is the distance from the cone, sin φ = (R_q − R_p)/r.
+        let wider = q.radius - p.radius;
+        let cosine_squared = 1.0 - wider * wider / self.length_squared;
+        let t = at / self.length_squared;
+        let radius = p.radius + t * wider + group.half.length() + FLAT;
+        cosine_squared > 0.0
+            && (radius < 0.0 || (from.length_squared() - at * t) * cosine_squared > radius * radius * (1.0 + 1e-5))
+    }
+
+    /// Whether a polygon in a group may pass through a node and is large enough to part it.
+    fn parted(&self, group: &Group) -> bool {
+        self.nodes.into_iter().zip(self.extents).any(|(node, extent)| {
+            !node.is_leaf()
+                && group.largest >= PARTING * node.radius
+                && (group.centre - node.centre).abs().cmple(group.half + extent).all()
+        })
+    }
 }
 
 impl<'a> Screens<'a> {
+    /// Of the polygons of `occluders` in the units of `hierarchy`.
+    ///
+    /// # Panics
+    ///
+    /// If there is nothing that blocks.
     pub fn new(hierarchy: &Hierarchy, occluders: &'a Occluders) -> Self {
+        let screens: Vec<Screen> = occluders.polygons().iter().map(|p| Screen::new(p, &hierarchy.frame)).collect();
         let frame = hierarchy.frame;
-        let screen = |polygon: &radiosity_geometry::Polygon| {
-            let exact = |v: DVec3| (v - frame.middle) * frame.scale;
-            let normal = polygon.normal();
-            let side = |(a, b): (DVec3, DVec3)| {
-                let inward = normal.cross(b - a).try_normalize()?;
-                Some((inward, inward.dot(exact(a))))
-            };
-            let middle = frame.point(polygon.centroid());
-            Screen {
-                normal: normal.as_vec3(),
-                height: normal.dot(exact(polygon.centroid())) as f32,
-                middle,
-                corners: polygon.vertices().iter().map(|v| frame.point(*v)).collect(),
-                point: exact(polygon.centroid()),
-                exact_normal: normal,
-                sides: polygon.edges().filter_map(side).collect(),
-            }
-        };
-        Self { occluders, screens: occluders.polygons().iter().map(screen).collect() }
+        let mut all = Self { occluders, frame, groups: Vec::with_capacity(screens.len()), screens };
+        let mut members: Vec<u32> = (0..all.screens.len() as u32).collect();
+        all.group(&mut members);
+        all
     }
 
-    /// Blockers to begin a search with for two nodes.
-    pub fn around(&self, hierarchy: &Hierarchy, p: &Node, q: &Node) -> Vec<u32> {
-        if self.screens.len() <= FEW {
-            return (0..self.screens.len() as u32).collect();
+    /// What a search begins with.
+    pub fn root(&self) -> u32 {
+        (self.screens.len() + self.groups.len() - 1) as u32
+    }
+
+    /// The polygon or the group of some polygons.
+    fn group(&mut self, members: &mut [u32]) -> u32 {
+        if let [one] = members {
+            return *one;
         }
-        let frame = hierarchy.frame;
-        let corner = |node: &Node, side: f32| {
-            (node.centre + side * (node.radius + FLAT)).as_dvec3() / frame.scale + frame.middle
-        };
-        let (lo, hi) = (corner(p, -1.0).min(corner(q, -1.0)), corner(p, 1.0).max(corner(q, 1.0)));
-        let mut found = Vec::new();
-        self.occluders.overlapping(lo, hi, &mut |k| found.push(k as u32));
-        // Traversal has no order of its own.
-        found.sort_unstable();
-        found
+        let of = |k: &u32| &self.screens[*k as usize];
+        let corners = || members.iter().flat_map(|k| &of(k).corners);
+        let (lo, hi) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        let largest = members.iter().map(|k| of(k).radius).fold(0.0, f32::max);
+        let size = hi - lo;
+        let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]).then(b.cmp(&a))).unwrap_or(0);
+        members.sort_by(|a, b| of(a).middle[axis].total_cmp(&of(b).middle[axis]).then(a.cmp(b)));
+        let (left, right) = members.split_at_mut(members.len() / 2);
+        let parts = [self.group(left), self.group(right)];
+        self.groups.push(Group { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo), largest, parts });
+        self.root()
     }
 
-    /// Those of the blockers given that may stand between two nodes, appended to `found`.
-    pub fn narrow(
-        &self,
-        hierarchy: &Hierarchy,
-        (p, q): (&Node, &Node),
-        given: impl Iterator<Item = u32>,
-        mut found: impl FnMut(u32),
-    ) -> Between {
-        let (along, mut any, mut through) = (q.centre - p.centre, false, [false; 2]);
-        let normals = [p, q].map(|n| (!n.is_cluster()).then(|| hierarchy.normals[n.plane as usize]));
-        for k in given {
-            match self.screens[k as usize].between((p, q), along, normals) {
+    /// What of the blockers at `given` of the list may stand between the nodes of a shaft; those are appended to the list.
+    pub fn narrow(&self, shaft: &Shaft<'_>, list: &mut Vec<u32>, given: Range<usize>) -> Between {
+        let mut found = Found { begin: list.len(), left: 0, seen: Seen::default() };
+        for at in given.clone() {
+            found.left = given.end - at;
+            if self.add(list[at], shaft, list, &mut found) {
+                return Between::All;
+            }
+        }
+        if list.len() == found.begin { Between::Nothing } else { Between::Some(found.seen) }
+    }
+
+    /// Appends what of a blocker or group may be in the way; whether it is one that hides all.
+    fn add(&self, k: u32, shaft: &Shaft<'_>, list: &mut Vec<u32>, found: &mut Found) -> bool {
+        let Some(group) = (k as usize).checked_sub(self.screens.len()).map(|k| &self.groups[k]) else {
+            match self.screens[k as usize].between(shaft) {
                 Between::Nothing => {}
-                Between::All => return Between::All,
-                Between::Some { through: also } => {
-                    any = true;
-                    through = [through[0] || also[0], through[1] || also[1]];
-                    found(k);
+                Between::All => return true,
+                Between::Some(seen) => {
+                    found.seen = found.seen.and(seen);
+                    list.push(k);
                 }
             }
+            return false;
+        };
+        if shaft.misses(group) {
+            return false;
         }
-        if any { Between::Some { through } } else { Between::Nothing }
+        if shaft.parted(group) || list.len() - found.begin + found.left < SHORT {
+            return group.parts.into_iter().any(|part| self.add(part, shaft, list, found));
+        }
+        // Nothing is known of what stays closed.
+        found.seen.finely = [true; 2];
+        list.push(k);
+        false
     }
 
-    /// Whether one of the blockers given properly crosses the segment x y.
-    pub fn blocked(&self, given: &[u32], x: Vec3, y: Vec3) -> bool {
-        let (x, y) = (x.as_dvec3(), y.as_dvec3());
-        given.iter().any(|&k| self.screens[k as usize].crosses(x, y))
+    /// Which of the segments between points with normals are properly crossed by a blocker of the list.
+    pub fn blocked(&self, list: &[u32], segments: &[[(Vec3, Vec3); 2]], blocked: &mut [bool]) {
+        if list.len() <= FEW && list.iter().all(|k| (*k as usize) < self.screens.len()) {
+            for (blocked, [(x, _), (y, _)]) in blocked.iter_mut().zip(segments) {
+                let (x, y) = (x.as_dvec3(), y.as_dvec3());
+                *blocked = list.iter().any(|&k| self.screens[k as usize].crosses(x, y));
+            }
+            return;
+        }
+        let lifted = |(x, n): (Vec3, Vec3)| self.frame.space(x + n * LIFT);
+        let segments: Vec<_> = segments.iter().map(|[x, y]| (lifted(*x), lifted(*y))).collect();
+        self.occluders.occluded_many(&segments, blocked);
     }
 }
 
-impl Screen {
-    fn between(&self, (p, q): (&Node, &Node), along: Vec3, normals: [Option<Vec3>; 2]) -> Between {
-        // Heights of the nodes over the plane.
-        let (h_p, h_q) = (self.normal.dot(p.centre) - self.height, self.normal.dot(q.centre) - self.height);
-        let (e_p, e_q) = (p.reach(self.normal), q.reach(self.normal));
-        let above = h_p - e_p >= -FLAT && h_q - e_q >= -FLAT;
-        let below = h_p + e_p <= FLAT && h_q + e_q <= FLAT;
-        if above || below {
-            return Between::Nothing;
-        }
-        // Behind a node, or not between the two along their line.
-        let through = [self.passes(p, h_p, e_p, normals[0]), self.passes(q, h_q, e_q, normals[1])];
-        for (k, node) in [p, q].into_iter().enumerate() {
-            let Some(n) = normals[k] else { continue };
-            let heights = || self.corners.iter().map(|v| (*v - node.centre).dot(n));
-            if heights().all(|h| h <= FLAT) {
-                // The surface of one node may be what parts the other.
-                let parts = through[1 - k] && heights().all(|h| h >= -FLAT);
-                return if parts { Between::Some { through } } else { Between::Nothing };
-            }
-        }
-        let (a_p, a_q, length) = (p.reach(along), q.reach(along), along.length_squared());
-        if self.corners.iter().all(|v| (*v - p.centre).dot(along) <= -a_p)
-            || self.corners.iter().all(|v| (*v - p.centre).dot(along) >= length + a_q)
-        {
-            return Between::Nothing;
-        }
-        // Beside an edge, as seen along the line.
-        let n = self.corners.len();
-        let mut inside = true;
-        for (k, &a) in self.corners.iter().enumerate() {
-            let edge = self.corners[(k + 1) % n] - a;
-            let across = along.cross(edge);
-            let size = across.length();
-            let depth = across.dot(self.middle - a);
-            if depth.abs() <= FLAT * size {
-                // Seen edge-on: no side to tell.
-                inside = false;
-                continue;
-            }
-            let across = if depth > 0.0 { across } else { -across };
-            let (d_p, d_q) = (across.dot(p.centre - a), across.dot(q.centre - a));
-            let (r_p, r_q) = (p.reach(across), q.reach(across));
-            if d_p + r_p <= -FLAT * size && d_q + r_q <= -FLAT * size {
-                return Between::Nothing;
-            }
-            inside = inside && d_p - r_p >= FLAT * size && d_q - r_q >= FLAT * size;
-        }
-        let apart = (h_p - e_p > FLAT && h_q + e_q < -FLAT) || (h_p + e_p < -FLAT && h_q - e_q > FLAT);
-        if inside && apart {
-            return Between::All;
-        }
-        Between::Some { through }
-    }
-
-    /// Whether the polygon passes through a node of one plane, as far as spheres tell.
-    fn passes(&self, node: &Node, height: f32, reach: f32, normal: Option<Vec3>) -> bool {
-        let Some(normal) = normal else { return false };
-        if height.abs() >= reach - FLAT || node.is_leaf() {
-            return false;
-        }
-        let (x, radius) = (node.centre.as_dvec3(), f64::from(node.radius));
-        let near = self.sides.iter().all(|(m, at)| m.dot(x) - at > -radius);
-        let lowest = self.corners.iter().map(|v| (*v - node.centre).dot(normal)).fold(f32::INFINITY, f32::min);
-        near && lowest <= FLAT
-    }
-
-    /// Whether the open segment x y properly crosses the polygon; what passes an edge within rounding is held to meet it. Nodes in the
-    /// polygon's plane have been sorted out before, so that no distance from the plane is too small to count.
-    fn crosses(&self, x: DVec3, y: DVec3) -> bool {
-        let height = |v: DVec3| (v - self.point).dot(self.exact_normal);
-        let (d_x, d_y) = (height(x), height(y));
-        if d_x * d_y >= 0.0 {
-            return false;
-        }
-        let meet = x + (y - x) * (d_x / (d_x - d_y));
-        self.sides.iter().all(|(m, at)| m.dot(meet) - at >= -1e-12)
-    }
+/// What a search has found so far.
+struct Found {
+    /// Where its list begins.
+    begin: usize,
+    /// Entries still to be looked at.
+    left: usize,
+    seen: Seen,
 }
