@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use radiosity::{Geometry, GridValues, LinearRadiosity, Measured, Method, Run, Strategy, run};
+use radiosity::{ErrorMeasure, Geometry, GridValues, LinearRadiosity, Measured, Method, Run, Strategy, run};
 use radiosity_core::{BandValues, Cost};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::{Occluders, Scene};
@@ -87,22 +87,25 @@ fn read_truth(file: &Path) -> Result<Truth, Box<dyn Error>> {
 
 /// Columns that every measured run has.
 pub fn record(key: String, strategy: &Strategy, measured: &Measured<'_>) -> Record {
-    let run = &measured.run;
-    let solution = &run.solution;
-    let record = counts(described(key, strategy), &run.cost())
-        .int("elements", run.geometry.elements().len())
-        .int("patches", run.geometry.patches().len())
-        .text("outcome", solution.outcome)
-        .int("steps", solution.steps)
-        .int("stored_bytes", run.stored_bytes)
-        .float("error", measured.error.rms)
-        .float("worst_cell", measured.error.worst)
+    let record = record_of(key, strategy, &measured.run, &measured.error)
         .float("solver_error", measured.solver_error)
         .float("form_factor_error", measured.form_factor_error);
     match measured.mesh_error {
         Some(error) => record.float("mesh_error", error),
         None => record,
     }
+}
+
+/// Columns of a run whose error is known as a whole.
+pub fn record_of(key: String, strategy: &Strategy, run: &Run<'_>, error: &ErrorMeasure) -> Record {
+    counts(described(key, strategy), &run.cost())
+        .int("elements", run.geometry.elements().len())
+        .int("patches", run.geometry.patches().len())
+        .text("outcome", run.solution.outcome)
+        .int("steps", run.solution.steps)
+        .int("stored_bytes", run.stored_bytes)
+        .float("error", error.rms)
+        .float("worst_cell", error.worst)
 }
 
 /// A record that names its strategy.

@@ -2,13 +2,15 @@
 //!
 //! The piecewise constant solution as it is seen, on K × K points of every face of the Cornell box, against direct light that is exact at each point
 //! and finely sampled indirect light. Uniform meshes by exact pairs and by rows of rays; adaptive ones by the same estimators, elements cut by
-//! estimate, by gradient and at discontinuities. Constants on elements are what all are made of, so that a quadtree cut where the true deviation is
+//! estimate, by gradient and at discontinuities. The same solutions are also compared as they are shaded, linear inside elements. Constants on elements are what all are made of, so that a quadtree cut where the true deviation is
 //! largest, with the true means, bounds what cutting can gain.
 
 use std::collections::BinaryHeap;
 use std::error::Error;
 
-use radiosity::{Adaptive, Criterion, Geometry, Goal, GridValues, Method, Shape, Store, Strategy, run, run_adaptive};
+use radiosity::{
+    Adaptive, Criterion, Geometry, Goal, GridValues, LinearRadiosity, Method, Shape, Store, Strategy, run, run_adaptive,
+};
 use radiosity_core::{BandValues, Cost};
 use radiosity_experiments::{Profile, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_geometry::Scene;
@@ -24,6 +26,9 @@ pub const POINTS: &str = "at points";
 const BY_ESTIMATE: &str = "adaptive by estimate";
 /// Quadtrees that know the truth.
 const BEST: &str = "best quadtree";
+/// Columns of errors at points: of piecewise constant irradiance, and of the same made linear inside elements.
+const CONSTANT: &str = "error_points";
+const LINEAR: &str = "error_points_linear";
 /// Error at which elements and times are compared: the first that both reach.
 const COMPARED: [f64; 3] = [0.02, 0.03, 0.06];
 
@@ -37,6 +42,12 @@ pub fn truth(scene: &Scene, profile: Profile) -> Result<Truth, Box<dyn Error>> {
     let [elements, patches, rays, segments, gathered] =
         profile.pick([8, 4, 64, 16, 64], [8, 8, 256, 64, 256], [32, 16, 2048, 256, 2048]);
     points_truth(scene, Fineness::uniform(elements, patches, rays, segments), points(profile), gathered)
+}
+
+/// The error of irradiance that is linear inside elements, at the points of the reference.
+fn linear_error(geometry: &Geometry<'_>, irradiance: &BandValues, truth: &Truth, profile: Profile) -> f64 {
+    let linear = LinearRadiosity::new(geometry, irradiance);
+    GridValues::linear_points(geometry, linear.irradiance(), points(profile)).error(&truth.grid).rms
 }
 
 /// The error of piecewise constant irradiance at the points of the reference.
@@ -147,7 +158,7 @@ pub fn bounds(at_points: &Truth, profile: Profile) -> Vec<Record> {
             .text("series", POINTS)
             .text("line", BEST)
             .int("elements", elements)
-            .float("error_points", error)
+            .float(CONSTANT, error)
     };
     best_quadtrees(&at_points.grid, profile).into_iter().map(record).collect()
 }
@@ -212,6 +223,7 @@ impl Case {
             times.push(self.solve(scene)?.seconds);
         }
         let error = error(&done.geometry, &done.irradiance, at_points, profile);
+        let linear = linear_error(&done.geometry, &done.irradiance, at_points, profile);
         let cells = GridValues::means(&done.geometry, &done.irradiance, GRID)?.error(&over_cells.grid);
         let record = counts(described(self.key(), &self.strategy()), &done.cost)
             .text("scene", "Cornell box")
@@ -221,7 +233,8 @@ impl Case {
             .int("patches", done.geometry.patches().len())
             .int("rows_new", done.rows[0])
             .int("rows_recomputed", done.rows[1])
-            .float("error_points", error)
+            .float(CONSTANT, error)
+            .float(LINEAR, linear)
             .float("error", cells.rms)
             .float("worst_cell", cells.worst)
             .float("reference_error", at_points.error);
@@ -229,24 +242,30 @@ impl Case {
     }
 }
 
-/// Error at points against elements, and against time.
-pub fn figure(tables: &Tables) -> Figure {
-    let panel = |x: &str, title: &str| {
-        let line = |(name, rows): (&str, Vec<Row<'_>>)| {
-            Series::new(name, style(name)).rows(rows, |r| (value(r, x), r.number("error_points")))
-        };
-        // What knows the truth takes no time.
-        let rows = tables.select(|r| r.text("series") == POINTS && value(r, x).is_finite());
-        let lines: Vec<_> = group_by(rows, "line").into_iter().map(|(name, rows)| line((&*name, rows))).collect();
-        let unit = if x == "time" { "s" } else { "" };
-        Panel::new(Axis::log(title, unit), Axis::log("error at points", "share of the mean"))
-            .title("Cornell box")
-            .all_series(lines)
+/// Error at points against elements, and against time: as computed, and shaded linearly.
+pub fn figures(tables: &Tables) -> [Figure; 2] {
+    let constant = Figure::new("points", "Error at points: uniform and adaptive meshes").caption(
+        "Piecewise constant irradiance; one mark a mesh. Pairs are exact, rays a row cast anew where their noise is too much.",
+    );
+    let linear = Figure::new("points-linear", "Error at points: the same solutions, linear inside elements")
+        .caption("One mark a mesh. What adaptive runs are cut by is the error of constants.");
+    [(constant, CONSTANT), (linear, LINEAR)].map(|(figure, measure)| {
+        figure.panel(panel(tables, measure, "elements", "elements m")).panel(panel(tables, measure, "time", "time"))
+    })
+}
+
+fn panel(tables: &Tables, measure: &str, x: &str, title: &str) -> Panel {
+    let line = |(name, rows): (&str, Vec<Row<'_>>)| {
+        Series::new(name, style(name)).rows(rows, |r| (value(r, x), r.number(measure)))
     };
-    Figure::new("points", "Error at points: uniform and adaptive meshes")
-        .caption("Piecewise constant irradiance; one mark a mesh. Pairs are exact, rays a row cast anew where their noise is too much.")
-        .panel(panel("elements", "elements m"))
-        .panel(panel("time", "time"))
+    // What knows the truth takes no time, and has means only.
+    let known = |r: &Row<'_>| value(r, x).is_finite() && r.number(measure).is_finite();
+    let rows = tables.select(|r| r.text("series") == POINTS && known(r));
+    let lines: Vec<_> = group_by(rows, "line").into_iter().map(|(name, rows)| line((&*name, rows))).collect();
+    let unit = if x == "time" { "s" } else { "" };
+    Panel::new(Axis::log(title, unit), Axis::log("error at points", "share of the mean"))
+        .title("Cornell box")
+        .all_series(lines)
 }
 
 /// Whose colour a line has.
@@ -261,10 +280,10 @@ fn style(line: &str) -> &str {
     }
 }
 
-/// What a line needs of `column` for an error: on the straight line in log–log between the two meshes around it.
-fn needed(tables: &Tables, line: &str, column: &str, error: f64) -> Option<f64> {
+/// What a line needs of `column` for an error in some measure: on the straight line in log–log between the two meshes around it.
+fn needed(tables: &Tables, line: &str, column: &str, (measure, error): (&str, f64)) -> Option<f64> {
     let rows = tables.select(|r| r.text("series") == POINTS && r.text("line") == line);
-    let mut marks: Vec<(f64, f64)> = rows.iter().map(|r| (r.number("error_points"), value(r, column))).collect();
+    let mut marks: Vec<(f64, f64)> = rows.iter().map(|r| (r.number(measure), value(r, column))).collect();
     marks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let pair = marks.windows(2).find(|pair| pair[0].0 >= error && pair[1].0 <= error)?;
     let [(e0, x0), (e1, x1)] = [pair[0], pair[1]];
@@ -273,17 +292,17 @@ fn needed(tables: &Tables, line: &str, column: &str, error: f64) -> Option<f64> 
 
 /// Ratios at one error, from the tables alone.
 pub fn reading(tables: &Tables) -> Vec<String> {
-    let both = |uniform: &str, adaptive: &str, column: &str, error: f64| {
+    let both = |uniform: &str, adaptive: &str, column: &str, error: (&str, f64)| {
         Some((needed(tables, uniform, column, error)?, needed(tables, adaptive, column, error)?))
     };
-    let sentence = |(uniform, kind): (&str, &str)| {
+    let sentence = |(measure, shaded): (&str, &str), (uniform, kind): (&str, &str)| {
         let adaptive = format!("{BY_ESTIMATE}, {kind}");
         COMPARED.into_iter().find_map(|error| {
-            let (m, own) = both(uniform, &adaptive, "elements", error)?;
-            let (time, own_time) = both(uniform, &adaptive, "time", error)?;
+            let (m, own) = both(uniform, &adaptive, "elements", (measure, error))?;
+            let (time, own_time) = both(uniform, &adaptive, "time", (measure, error))?;
             Some(format!(
-                "At an error of {} at points, a mesh cut by estimate ({kind}) takes {} elements instead of {} ({uniform}), a share of {}, and {} \
-                 instead of {}, a share of {}.",
+                "At an error of {} at points{shaded}, a mesh cut by estimate ({kind}) takes {} elements instead of {} ({uniform}), a share of {}, \
+                 and {} instead of {}, a share of {}.",
                 numbers::percent(error),
                 numbers::grouped(own.round() as i64),
                 numbers::grouped(m.round() as i64),
@@ -295,8 +314,11 @@ pub fn reading(tables: &Tables) -> Vec<String> {
         })
     };
     let pairs = [("uniform, pairs", "pairs"), ("uniform, 256 rays", "rays"), ("uniform, 512 rays", "rays")];
-    let mut reading: Vec<String> = pairs.into_iter().filter_map(sentence).collect();
-    let best = COMPARED.into_iter().find_map(|error| Some((error, needed(tables, BEST, "elements", error)?)));
+    let measures = [(CONSTANT, ""), (LINEAR, " with linear shading")];
+    let all = measures.into_iter().flat_map(|measure| pairs.map(|pair| (measure, pair)));
+    let mut reading: Vec<String> = all.filter_map(|(measure, pair)| sentence(measure, pair)).collect();
+    let best = |error: f64| Some((error, needed(tables, BEST, "elements", (CONSTANT, error))?));
+    let best = COMPARED.into_iter().find_map(best);
     reading.extend(best.map(|(error, elements)| {
         format!(
             "A quadtree cut where the truth deviates most from its means takes {} elements at {}.",
