@@ -292,16 +292,16 @@ fn needed(tables: &Tables, line: &str, column: &str, (measure, error): (&str, f6
 
 /// Ratios at one error, from the tables alone.
 pub fn reading(tables: &Tables) -> Vec<String> {
-    let both = |uniform: &str, adaptive: &str, column: &str, error: (&str, f64)| {
-        Some((needed(tables, uniform, column, error)?, needed(tables, adaptive, column, error)?))
-    };
-    let sentence = |(measure, shaded): (&str, &str), (uniform, kind): (&str, &str)| {
+    let sentence = |(of_uniform, of_adaptive, shading): (&str, &str, &str), (uniform, kind): (&str, &str)| {
         let adaptive = format!("{BY_ESTIMATE}, {kind}");
+        let both = |column: &str, error: f64| {
+            let m = needed(tables, uniform, column, (of_uniform, error))?;
+            Some((m, needed(tables, &adaptive, column, (of_adaptive, error))?))
+        };
         COMPARED.into_iter().find_map(|error| {
-            let (m, own) = both(uniform, &adaptive, "elements", (measure, error))?;
-            let (time, own_time) = both(uniform, &adaptive, "time", (measure, error))?;
+            let ((m, own), (time, own_time)) = (both("elements", error)?, both("time", error)?);
             Some(format!(
-                "At an error of {} at points{shaded}, a mesh cut by estimate ({kind}) takes {} elements instead of {} ({uniform}), a share of {}, \
+                "At an error of {} at points{shading}, a mesh cut by estimate ({kind}) takes {} elements instead of {} ({uniform}), a share of {}, \
                  and {} instead of {}, a share of {}.",
                 numbers::percent(error),
                 numbers::grouped(own.round() as i64),
@@ -314,9 +314,13 @@ pub fn reading(tables: &Tables) -> Vec<String> {
         })
     };
     let pairs = [("uniform, pairs", "pairs"), ("uniform, 256 rays", "rays"), ("uniform, 512 rays", "rays")];
-    let measures = [(CONSTANT, ""), (LINEAR, " with linear shading")];
-    let all = measures.into_iter().flat_map(|measure| pairs.map(|pair| (measure, pair)));
-    let mut reading: Vec<String> = all.filter_map(|(measure, pair)| sentence(measure, pair)).collect();
+    let shadings = [
+        (CONSTANT, CONSTANT, ""),
+        (CONSTANT, LINEAR, ", shaded linearly where cut and in one value an element where uniform"),
+        (LINEAR, LINEAR, ", shaded linearly"),
+    ];
+    let all = shadings.into_iter().flat_map(|shading| pairs.map(|pair| (shading, pair)));
+    let mut reading: Vec<String> = all.filter_map(|(shading, pair)| sentence(shading, pair)).collect();
     let best = |error: f64| Some((error, needed(tables, BEST, "elements", (CONSTANT, error))?));
     let best = COMPARED.into_iter().find_map(best);
     reading.extend(best.map(|(error, elements)| {
