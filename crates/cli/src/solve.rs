@@ -119,8 +119,9 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let clock = Instant::now();
     let geometry = Geometry::new(scene, &mesh)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
-    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args);
+    let (elements, blocking) = sizes(&geometry);
+    let mut strategy = strategy((elements, blocking), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args, blocking);
     let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
     if specular && args.solver.is_none() && strategy.shape == Shape::Full {
@@ -155,8 +156,9 @@ pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
 /// Refuses what would take too much memory before there is a mesh: of a dry run, the mesh alone.
 fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<(), Failure> {
     let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
-    let mut strategy = strategy((cells, Occluders::blocking(scene).len()), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args);
+    let blocking = Occluders::blocking(scene).len();
+    let mut strategy = strategy((cells, blocking), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
         admitted_mesh(scene, &strategy)
@@ -182,8 +184,9 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     admitted(args, &imported.scene, mesh)?;
     // What is not asked for is chosen as without the scene before.
     let geometry = Geometry::new(&imported.scene, &mesh)?;
-    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args);
+    let (elements, blocking) = sizes(&geometry);
+    let mut strategy = strategy((elements, blocking), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, None, program));
@@ -263,7 +266,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
     let memory = memory::limit(&args.common);
     let mut strategy = Strategy { solver: solver.to_owned(), seed: args.common.seed, memory, ..plain };
-    finish_strategy(&mut strategy, args);
+    finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, Some(&file), program));
@@ -272,8 +275,8 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
 }
 
-/// Store, repair, stopping and solver as asked for.
-fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
+/// Store, repair, stopping and solver as asked for, among `blocking` polygons that may block.
+fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
     (strategy.steps, strategy.store, strategy.repair) = (args.steps.into(), args.store.into(), args.repair);
     strategy.forecast = if args.forecast { output::FORECAST } else { 0 };
     if args.repair && strategy.shape == Shape::Full {
@@ -284,7 +287,7 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
     if by_links {
         let error = args.link_error.unwrap_or(LINK_ERROR);
         strategy.store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
-        strategy.method = args.estimator.method(Method::OF_LINKS, 0);
+        strategy.method = args.estimator.method(Method::of_links_among(blocking), blocking);
         "cg".clone_into(&mut strategy.solver);
     }
     if let Some(solver) = args.solver.as_ref().filter(|solver| *solver != HIERARCHICAL) {
