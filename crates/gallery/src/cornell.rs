@@ -1,7 +1,7 @@
 //! Cornell boxes with specular surfaces.
 //!
 //! The room of the Cornell measurements to a few millimetres (lengths in decimetres: x to the left of its picture, y up, z away from the camera), open in front, with a
-//! larger lamp: 2.8 × 2.4 of 3 W/m² sr in the ceiling, so that what it does by way of mirrors and glass is within reach of a path tracer. A red block stands in
+//! larger lamp: 3.6 × 3.2 of 3 W/(m² sr) in the ceiling, so that what it does by way of glass is within reach of a path tracer. A red block stands in
 //! the place of the tall one. The wall on the left, x = 5.56, is a mirror.
 //!
 //! There is no closed form. Light reaches its surfaces in every class of paths, by way of an ideal mirror, of refraction and of a glossy lobe.
@@ -15,10 +15,11 @@ use crate::sphere;
 /// Edges of the room.
 const SIZE: DVec3 = DVec3::new(5.56, 5.488, 5.592);
 /// The lamp along x and z.
-const LAMP: [[f64; 2]; 2] = [[1.38, 4.18], [1.6, 4.0]];
+const LAMP: [[f64; 2]; 2] = [[0.98, 4.58], [1.2, 4.4]];
 /// Corners of the block's top, counter-clockwise seen from above, and its height.
 const BLOCK: ([[f64; 2]; 4], f64) = ([[4.23, 2.47], [2.65, 2.96], [3.14, 4.56], [4.72, 4.06]], 3.3);
-/// Rings of the sphere.
+/// The sphere: its centre, its radius, and rings of facets.
+const SPHERE: (DVec3, f64) = (DVec3::new(1.7, 2.2, 1.6), 0.8);
 const RINGS: u32 = 10;
 
 /// The surface that is the floor of [`cornell_specular`] and [`mirror_cornell`].
@@ -27,14 +28,15 @@ pub const CORNELL_FLOOR: usize = 0;
 /// A Cornell box with a mirror for a wall, a glass sphere and a glossy floor.
 ///
 /// Surface 0 is the floor (ρ = 0.3 and a Phong lobe of ρ_s = 0.3, exponent 60), 1 the mirror (ρ_s = 0.9), 2 the back wall, 3 the right one (green), 4 the lamp, 5 to 8
-/// the ceiling around it, 9 to 13 the block, and from 14 on the facets of a sphere of clear glass, n = 1.5, radius 1, that hovers 0.1 above the floor.
+/// the ceiling around it, 9 to 13 the block, and from 14 on the facets of a sphere of clear glass, n = 1.5, that hovers so far above the floor that the
+/// lamp's image on it, a caustic, is larger than the sphere.
 pub fn cornell_specular() -> Scene {
     let gloss = Specular::Phong { reflectance: vec![0.3; 3], exponent: 60.0 };
     let floor = Material { specular: Some(gloss), ..diffuse("glossy", [0.3; 3]) };
     let mut room = room(floor);
     let glass = Specular::Dielectric { index: 1.5, tint: vec![1.0; 3], roughness: 0.0 };
     room.materials.push(Material { specular: Some(glass), ..diffuse("glass", [0.0; 3]) });
-    room.surfaces.extend(sphere(DVec3::new(1.7, 1.1, 1.6), 1.0, RINGS, room.materials.len() - 1));
+    room.surfaces.extend(sphere(SPHERE.0, SPHERE.1, RINGS, room.materials.len() - 1));
     room
 }
 
@@ -64,9 +66,8 @@ fn room(floor: Material) -> Scene {
     ];
     let (white, green, lamp, red) = (2, 3, 4, 5);
     let wall = |axis, high| inward_face(DVec3::ZERO, SIZE, axis, high);
-    let ceiling = |x: [f64; 2], z: [f64; 2]| {
-        inward_face(DVec3::new(x[0], 0.0, z[0]), DVec3::new(x[1], SIZE.y, z[1]), 1, true)
-    };
+    let ceiling =
+        |x: [f64; 2], z: [f64; 2]| inward_face(DVec3::new(x[0], 0.0, z[0]), DVec3::new(x[1], SIZE.y, z[1]), 1, true);
     let [x, z] = LAMP;
     let mut loops = vec![
         (wall(1, false), 0),
@@ -114,7 +115,8 @@ mod tests {
         let (all, mirror) = (cornell_specular(), mirror_cornell());
         assert_eq!(mirror.surfaces[..], all.surfaces[..14]);
         assert_eq!(all.surfaces.len(), 14 + (2 * RINGS * RINGS) as usize);
-        let specular = |scene: &Scene| scene.surfaces.iter().filter(|s| scene.materials[s.material].specular.is_some()).count();
+        let specular =
+            |scene: &Scene| scene.surfaces.iter().filter(|s| scene.materials[s.material].specular.is_some()).count();
         assert_eq!((specular(&mirror), specular(&all)), (1, 2 + (2 * RINGS * RINGS) as usize));
     }
 }
