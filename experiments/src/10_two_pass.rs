@@ -42,6 +42,7 @@ use radiosity_render::{
 };
 
 use crate::classes;
+use crate::common::value;
 
 /// The experiment.
 pub struct TwoPasses;
@@ -74,7 +75,7 @@ fn reference_rounds(profile: Profile) -> u64 {
 
 /// Rays of a row of straight form factors, and of one by way of specular surfaces.
 fn rays(profile: Profile) -> (u32, u32) {
-    profile.pick((64, 64), (256, 1024), (256, 1024))
+    profile.pick((64, 64), (512, 1024), (512, 1024))
 }
 
 /// What takes a picture.
@@ -159,7 +160,7 @@ fn ways(profile: Profile) -> Vec<Way> {
 
 /// The view: over the floor, below the lamp.
 pub fn camera([width, height]: [u32; 2]) -> Result<Camera, Box<dyn Error>> {
-    let (eye, look_at) = (DVec3::new(2.78, 2.6, -5.2), DVec3::new(2.78, 1.75, 0.0));
+    let (eye, look_at) = (DVec3::new(2.78, 2.6, -5.2), DVec3::new(2.78, 1.87, 0.0));
     Ok(Camera::new(eye, look_at, DVec3::Y, 37.0, width, height)?)
 }
 
@@ -176,13 +177,13 @@ pub fn first_pass<'a>(
     (scene, plain): (&'a Scene, &'a Scene),
     profile: Profile,
 ) -> Result<Option<(EnhancedRun<'a>, f64)>, Box<dyn Error>> {
-    let (scene, bounces) = match way.kind {
-        Kind::Radiosity => (plain, SpecularBounces::None),
-        Kind::TwoPasses(bounces) => (scene, bounces),
+    let (straight, rays) = rays(profile);
+    let (scene, bounces, method) = match way.kind {
+        Kind::Radiosity => (plain, SpecularBounces::None, Method::RaysAndEmitters { rays: straight }),
+        // Direct light is drawn in the second pass: here it only feeds interreflection, over which its noise is averaged.
+        Kind::TwoPasses(bounces) => (scene, bounces, Method::rays(straight)),
         Kind::RayTracing | Kind::PathTracing => return Ok(None),
     };
-    let (straight, rays) = rays(profile);
-    let method = Method::RaysAndEmitters { rays: straight };
     let strategy = Strategy {
         store: Store::Sparse,
         unshot: 1e-4,
@@ -434,12 +435,13 @@ fn pictures(context: &mut Context, taken: &[&Taken], reference: &Film) -> Result
         let image = Image::sheet(&[vec![difference, &legend]], 8);
         write(&format!("{file}-difference"), format!("{name} less the reference, in % of its mean"), &image)?;
     }
+    // Two rows of pictures, each over its differences, with a legend at their end.
     let (left, right) = shown.split_at(shown.len().div_ceil(2));
-    let row = |half: &'_ [[Image; 2]], k: usize| half.iter().map(|pair| pair[k].clone()).collect::<Vec<_>>();
-    let rows: Vec<Vec<Image>> = [left, right].into_iter().flat_map(|half| [row(half, 0), row(half, 1)]).collect();
-    let mut rows: Vec<Vec<&Image>> = rows.iter().map(|row| row.iter().collect()).collect();
-    rows[1].push(&legend);
-    rows[3].push(&legend);
+    let mut rows: Vec<Vec<&Image>> = Vec::new();
+    for half in [left, right] {
+        rows.push(half.iter().map(|[picture, _]| picture).collect());
+        rows.push(half.iter().map(|[_, difference]| difference).chain([&legend]).collect());
+    }
     let names: Vec<String> = taken.iter().map(|t| t.way.method()).collect();
     let caption =
         format!("Pictures and, below each, differences from the reference in % of its mean: {}", names.join("; "));
@@ -542,8 +544,13 @@ impl Experiment for TwoPasses {
             let line = |(name, rows): (String, Vec<Row<'_>>)| {
                 let style = rows.first().map_or("", |r| r.text("style"));
                 let gathered = name.contains("gathered");
-                let at = |r: &Row<'_>| (if x == "time" { r.seconds(x) } else { r.number(x) }, r.number("error"));
-                let series = Series::new(&*name, style).rows(rows, at);
+                let at = |r: &Row<'_>| (value(r, x), r.number("error"));
+                let mut series = Series::new(&*name, style).rows(rows, at);
+                if style == "path tracing" {
+                    // Of the reference all that is known is its noise.
+                    let last = tables.select_eq("series", "reference").into_iter();
+                    series = series.values(last.map(|r| (value(&r, x), r.number("noise"))));
+                }
                 if gathered { series.dash(Dash::Dashed) } else { series }
             };
             let lines = group_by(tables.select_eq("series", "pictures"), "line").into_iter().map(line);
@@ -553,7 +560,7 @@ impl Experiment for TwoPasses {
         };
         vec![
             Figure::new("work-precision", "Error against rays and time")
-                .caption("rms over pixels against the reference, whose noise is subtracted; one mark each doubling of the samples. Rays and time include the first pass.")
+                .caption("rms over pixels against the reference, whose noise is subtracted; one mark each doubling of the samples; the last of path tracing is the reference's own noise. Rays and time include the first pass.")
                 .panel(panel("rays", ""))
                 .panel(panel("time", "s"))
                 .shared_y(),

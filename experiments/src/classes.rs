@@ -109,25 +109,29 @@ pub fn floor_cells(profile: Profile) -> Result<Vec<Record>, Box<dyn Error>> {
         });
     }
     let (paths, errors) = (film.means(), film.standard_errors());
+    // Where the block stands there is no light.
     let record = |(c, &(i, j)): (usize, &(u32, u32))| {
         let at = (j * GRID + i) as usize * film.bands;
         let of = |values: &[f64]| mean(values[at..at + film.bands].iter().copied());
         let (known, error) = (of(&paths), of(&errors));
         let found = mean((0..film.bands).map(|b| cells.values.band(b)[c]));
-        Record::new(format!("floor/{i}/{j}"))
+        let record = Record::new(format!("floor/{i}/{j}"))
             .text("series", "floor")
             .float("mean", found)
             .float("paths", known)
             .float("error", found / known - 1.0)
             .float("noise", error / known)
-            .text("outcome", "done")
+            .text("outcome", "done");
+        (known > 0.0).then_some(record)
     };
-    Ok(cells.indices.iter().enumerate().map(record).collect())
+    Ok(cells.indices.iter().enumerate().filter_map(record).collect())
 }
 
 /// Means of classes by method.
 pub fn figure(tables: &Tables) -> Figure {
-    let rows = tables.select(|r| r.text("series") == "classes" && r.text("class") != "whole");
+    // A gather changes no class but those that the first pass has missed; the table has them.
+    let shown = |r: &Row<'_>| r.text("class") != "whole" && !r.text("method").contains("gathered");
+    let rows = tables.select(|r| r.text("series") == "classes" && shown(r));
     let level = whole(tables).map_or(1.0, |r| r.number("mean"));
     let series = group_by(rows, "method").into_iter().map(|(method, rows)| {
         let values = rows.iter().enumerate().map(|(k, r)| (k as f64, r.number("mean") / level));
@@ -135,7 +139,7 @@ pub fn figure(tables: &Tables) -> Figure {
     });
     let classes = PathClass::ALL.map(PathClass::name);
     Figure::new("classes", "Classes of paths, each rendered alone")
-        .caption("Share of the path tracer's mean. Two passes without bounces lack light that arrives by way of specular surfaces, but for what a gather finds.")
+        .caption("Share of the path tracer's mean; two passes look irradiance up. Without bounces they lack what arrives by way of specular surfaces.")
         .panel(Panel::bars(classes, Axis::linear("mean", "share of the whole").from_zero()).all_series(series.collect::<Vec<_>>()))
 }
 
@@ -174,14 +178,21 @@ pub fn reading(tables: &Tables) -> Vec<String> {
     }
     let cells = tables.select_eq("series", "floor");
     if !cells.is_empty() {
-        let square = |column: &str| mean(cells.iter().map(|r| r.number(column).powi(2)));
+        let [found, paths, noise] = ["mean", "paths", "noise"].map(|column| {
+            let values = cells.iter().map(|r| r.number(column));
+            values.collect::<Vec<f64>>()
+        });
+        let level = mean(paths.iter().copied());
+        let square = |of: &dyn Fn(usize) -> f64| mean((0..cells.len()).map(|c| of(c).powi(2))) / (level * level);
+        let differences = square(&|c| found[c] - paths[c]);
+        let of_paths = square(&|c| noise[c] * paths[c]);
         let within = cells.iter().filter(|r| r.number("error").abs() <= 0.02 + 3.0 * r.number("noise")).count();
         reading.push(format!(
-            "What a mirror throws on the floor is off by {} rms over {} cells after the first pass (without the noise of the paths, {}), and within 2 % and three standard errors in \
-             {within} of them.",
-            numbers::percent((square("error") - square("noise")).max(0.0).sqrt()),
+            "What a mirror throws on the floor is after the first pass off by {} rms over {} cells, relative to their mean and without the noise of the paths ({}); {within} of \
+             them are within 2 % of their own and three standard errors.",
+            numbers::percent((differences - of_paths).max(0.0).sqrt()),
             cells.len(),
-            numbers::percent(square("noise").sqrt()),
+            numbers::percent(of_paths.sqrt()),
         ));
     }
     reading

@@ -77,8 +77,8 @@ fn range(text: &str) -> Result<[f64; 2], String> {
 /// Share of the pixels whose values the scale does not exceed, if no range is asked for; those that show a light do not count.
 const ON_SCALE: f64 = 0.98;
 
-/// Rows of a legend at least, and rows for each of its numbers.
-const LEGEND_ROWS: u32 = 16;
+/// Rows of a legend at least, and rows for each of its numbers, which are odd in number so that errors of 0 have theirs.
+const LEGEND_ROWS: u32 = 24;
 const ROWS_A_TICK: u32 = 40;
 
 /// How a film is shown in false colours.
@@ -130,7 +130,7 @@ impl FalseColours {
                 let scale =
                     if self.quantity == Quantity::Error { Scale::signed(high)? } else { Scale::linear(low, high)? };
                 let rows = height.max(LEGEND_ROWS);
-                let legend = scale.legend(rows, (rows / ROWS_A_TICK).clamp(2, 11), "W/m²");
+                let legend = scale.legend(rows, (rows / ROWS_A_TICK).clamp(2, 11) | 1, "W/m²");
                 let image = Image::sheet(&[vec![&scale.picture(width, height, &values), &legend]], rows / ROWS_A_TICK);
                 write_png(path, image.width, image.height, &image.rgb)?;
             }

@@ -22,7 +22,8 @@ fn furnace(test: &str, ceiling: &str) -> Folder {
 }
 
 /// The cube from its middle, 11 × 9 pixels.
-const VIEW: &str = "render cube.obj --no-progress --size 11x9 --eye 0.5,0.5,0.4 --look-at 0.5,0.6,1 --up 0,1,0 --fov 80";
+const VIEW: &str =
+    "render cube.obj --no-progress --size 11x9 --eye 0.5,0.5,0.4 --look-at 0.5,0.6,1 --up 0,1,0 --fov 80";
 
 fn run(folder: &Folder, more: &str) {
     done(&folder.run(&format!("{VIEW} --quiet {more}")));
@@ -39,20 +40,22 @@ fn png(folder: &Folder, name: &str) -> Image {
     Image { width: picture.width(), height: picture.height(), rgb: picture.into_raw() }
 }
 
-/// In a furnace both methods give one number for all surfaces, mirrors' irradiance included; 2 % leave room for rows of rays and for noise.
+/// In a furnace both methods give one number for all surfaces, mirrors' irradiance included. 4,096 samples leave a standard error of 0.6 %, 4 of which are 2.5 %.
 #[test]
 fn radiosity_and_irradiance_of_a_furnace_are_its_own_by_either_method() {
     let folder = furnace("false_colour_furnace", "Kd 0\nKs 1 1 1\nillum 3");
-    for method in ["--subdivide 2 --noise 0 --samples 16", "--reference --noise 0.005"] {
-        run(&folder, &format!("{method} --false-colour irradiance --output h.exr"));
-        assert!(exr(&folder, "h.exr").iter().all(|h| (h - 6.0).abs() < 0.12), "{method}");
+    for (method, samples) in [("--subdivide 2", 16), ("--reference", 4096)] {
+        let method = format!("{method} --noise 0");
+        run(&folder, &format!("{method} --samples {samples} --false-colour irradiance --output h.exr"));
+        assert!(exr(&folder, "h.exr").iter().all(|h| (h - 6.0).abs() < 0.15), "{method}");
         // The ceiling, a mirror, has no radiosity; walls do, and at edges a pixel shows some of both.
-        run(&folder, &format!("{method} --false-colour radiosity --output b.exr"));
+        run(&folder, &format!("{method} --samples {samples} --false-colour radiosity --output b.exr"));
         let b = exr(&folder, "b.exr");
-        assert!(b.iter().all(|b| *b < 6.12) && b.contains(&0.0) && b.iter().any(|b| *b > 5.88), "{method}");
+        assert!(b.iter().all(|b| *b < 6.15) && b.contains(&0.0) && b.iter().any(|b| *b > 5.85), "{method}");
         // E alone is 3.
-        run(&folder, &format!("{method} --false-colour radiosity --paths LE --output b.exr"));
-        assert!(exr(&folder, "b.exr").iter().all(|b| *b <= 3.0 + 1e-6));
+        run(&folder, &format!("{method} --samples 16 --false-colour radiosity --paths LE --output b.exr"));
+        let e = exr(&folder, "b.exr");
+        assert!(e.iter().all(|e| *e < 3.0 + 1e-6) && e.iter().any(|e| *e > 3.0 - 1e-6), "{method}");
     }
 }
 
@@ -64,13 +67,13 @@ fn colours_are_those_of_the_range_and_a_legend_stands_beside() {
         let [low, high] = range;
         run(&folder, &format!("--subdivide 1 --false-colour irradiance --range {low},{high} --output h.png"));
         let (image, scale) = (png(&folder, "h.png"), Scale::linear(low, high).unwrap());
-        assert!(image.width > 11 + 16 && image.height == 16, "{} × {}", image.width, image.height);
+        assert!(image.width > 11 + 16 && image.height == 24, "{} × {}", image.width, image.height);
         for (x, y) in [(0, 0), (10, 0), (5, 4), (0, 8), (10, 8)] {
             let (shown, known) = (image.pixel(x, y), scale.colour(6.0));
             assert!(shown.iter().zip(known).all(|(a, b)| a.abs_diff(b) <= 4), "{shown:?}, not {known:?}");
         }
-        let bar = image.width - scale.legend(16, 2, "W/m²").width;
-        assert_eq!((image.pixel(bar, 0), image.pixel(bar, 15)), (scale.colour(high), scale.colour(low)));
+        let bar = image.width - scale.legend(24, 3, "W/m²").width;
+        assert_eq!((image.pixel(bar, 0), image.pixel(bar, 23)), (scale.colour(high), scale.colour(low)));
     }
     let ran = folder.run(&format!("{VIEW} --json --subdivide 1 --false-colour irradiance --output h.png"));
     done(&ran);

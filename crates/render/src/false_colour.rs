@@ -187,7 +187,7 @@ impl Scale {
     }
 
     /// An upright legend of `height` rows, high values on top, with `ticks` numbers to its right on black; the topmost is followed by `unit`. Letters grow with the
-    /// height, by whole factors, from 3 × 5 pixels on.
+    /// height, by whole factors, from five rows on.
     ///
     /// # Panics
     ///
@@ -200,9 +200,9 @@ impl Scale {
         if let Some(top) = labels.last_mut() {
             *top = format!("{top} {unit}");
         }
-        let widest = labels.iter().map(|l| l.chars().count() as u32).max().unwrap_or(0);
+        let widest = labels.iter().map(|label| width(label)).max().unwrap_or(0);
         let (bar, margin) = (BAR * size, MARGIN * size);
-        let mut image = Image::filled(bar + 2 * margin + widest * 4 * size, height, [0; 3]);
+        let mut image = Image::filled(bar + 2 * margin + widest * size, height, [0; 3]);
         for y in 0..height {
             let colour = self.colour_at(1.0 - f64::from(y) / f64::from(height - 1));
             (0..bar).for_each(|x| image.set(x, y, colour));
@@ -235,40 +235,46 @@ fn label(value: f64) -> String {
     }
 }
 
-/// Letters of 3 × 5 dots, five rows of three bits; blank for those that no legend needs.
-fn glyph(character: char) -> u16 {
+/// A letter of five rows: dots in a row, and its dots from the upper left on; blank for those that no legend needs.
+fn glyph(character: char) -> (u32, u32) {
     match character {
-        '0' => 0b111_101_101_101_111,
-        '1' => 0b010_110_010_010_111,
-        '2' => 0b111_001_111_100_111,
-        '3' => 0b111_001_111_001_111,
-        '4' => 0b101_101_111_001_001,
-        '5' => 0b111_100_111_001_111,
-        '6' => 0b111_100_111_101_111,
-        '7' => 0b111_001_001_001_001,
-        '8' => 0b111_101_111_101_111,
-        '9' => 0b111_101_111_001_111,
-        '-' => 0b000_000_111_000_000,
-        '.' => 0b000_000_000_000_010,
-        'e' => 0b000_111_111_100_111,
-        'W' => 0b101_101_111_111_101,
-        'm' => 0b000_000_111_111_101,
-        '²' => 0b110_001_010_111_000,
-        '/' => 0b001_001_010_100_100,
-        '%' => 0b101_001_010_100_101,
-        _ => 0,
+        '0' => (3, 0b111_101_101_101_111),
+        '1' => (3, 0b010_110_010_010_111),
+        '2' => (3, 0b111_001_111_100_111),
+        '3' => (3, 0b111_001_111_001_111),
+        '4' => (3, 0b101_101_111_001_001),
+        '5' => (3, 0b111_100_111_001_111),
+        '6' => (3, 0b111_100_111_101_111),
+        '7' => (3, 0b111_001_001_001_001),
+        '8' => (3, 0b111_101_111_101_111),
+        '9' => (3, 0b111_101_111_001_111),
+        '-' => (3, 0b000_000_111_000_000),
+        '.' => (3, 0b000_000_000_000_010),
+        'e' => (3, 0b000_111_111_100_111),
+        '/' => (3, 0b001_001_010_100_100),
+        '²' => (3, 0b110_010_100_110_000),
+        'W' => (5, 0b10001_10001_10101_11011_10001),
+        'm' => (5, 0b00000_11110_10101_10101_10101),
+        '%' => (5, 0b11001_11010_00100_01011_10011),
+        _ => (3, 0),
     }
 }
 
+/// Dots that a text is wide, with one after each letter.
+fn width(text: &str) -> u32 {
+    text.chars().map(|character| glyph(character).0 + 1).sum()
+}
+
 /// Writes `text` from its upper left corner on, `size` pixels a dot.
-fn draw(image: &mut Image, [left, top]: [u32; 2], size: u32, text: &str) {
-    for (k, character) in (0..).zip(text.chars()) {
-        let bits = glyph(character);
-        for (x, y) in (0..5 * size).flat_map(|y| (0..3 * size).map(move |x| (x, y))) {
-            if bits >> (14 - (3 * (y / size) + x / size)) & 1 == 1 {
-                image.set(left + 4 * size * k + x, top + y, [255; 3]);
+fn draw(image: &mut Image, [mut left, top]: [u32; 2], size: u32, text: &str) {
+    for character in text.chars() {
+        let (columns, dots) = glyph(character);
+        for (x, y) in (0..5 * size).flat_map(|y| (0..columns * size).map(move |x| (x, y))) {
+            if dots >> (5 * columns - 1 - (columns * (y / size) + x / size)) & 1 == 1 {
+                image.set(left + x, top + y, [255; 3]);
             }
         }
+        left += (columns + 1) * size;
     }
 }
 
