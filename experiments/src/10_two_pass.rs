@@ -75,7 +75,7 @@ fn reference_rounds(profile: Profile) -> u64 {
 
 /// Rays of a row of straight form factors, and of one by way of specular surfaces.
 fn rays(profile: Profile) -> (u32, u32) {
-    profile.pick((64, 64), (512, 1024), (512, 1024))
+    profile.pick((64, 64), (512, 1024), (1024, 4096))
 }
 
 /// What takes a picture.
@@ -148,7 +148,7 @@ fn ways(profile: Profile) -> Vec<Way> {
     ];
     let halvings = profile.pick(1, 1, 2);
     for halving in 0..=halvings {
-        let rounds = if halving == halvings { most } else { some };
+        let rounds = if halving == 0 { some } else { most };
         all.push(two(Any, 0, coarse / f64::from(1 << halving), rounds));
     }
     for halving in 0..2 {
