@@ -4,7 +4,8 @@
 //! a point drawn on a light, indirect light from the mesh. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
 //! number alone, so that a film that goes on from its state, the first pass computed again, ends with the same bytes.
 //!
-//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), and what to see of a scene ([`crate::viewpoint`]).
+//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), what to see of a scene ([`crate::viewpoint`]), and
+//! numbers in false colours ([`crate::false_colour`]).
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -138,7 +139,10 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
     };
     // A film of B or H is another; one of errors is that of the picture.
     let shown = args.false_colours.false_colour.filter(|quantity| quantity.is_of_surfaces());
-    let method = shown.map_or_else(|| method.clone(), |quantity| format!("{} by {method}", quantity.name()));
+    let method = match shown {
+        Some(quantity) => format!("{} by {method}", quantity.name()),
+        None => method,
+    };
     let classes: Vec<&str> =
         PathClass::ALL.into_iter().filter(|c| classes(args).has(*c)).map(PathClass::name).collect();
     vec![
