@@ -16,8 +16,8 @@ use crate::sphere;
 const SIZE: DVec3 = DVec3::new(5.56, 5.488, 5.592);
 /// The lamp along x and z.
 const LAMP: [[f64; 2]; 2] = [[0.98, 4.58], [1.2, 4.4]];
-/// Corners of the block's top, counter-clockwise seen from above, and its height.
-const BLOCK: ([[f64; 2]; 4], f64) = ([[4.23, 2.47], [2.65, 2.96], [3.14, 4.56], [4.72, 4.06]], 3.3);
+/// Corners of the block's top along x and z, in millimetres as measured, in order so that the loop faces up; and its height.
+const BLOCK: ([[u32; 2]; 4], f64) = ([[423, 247], [265, 296], [314, 456], [472, 406]], 3.3);
 /// The sphere: its centre, its radius, and rings of facets.
 const SPHERE: (DVec3, f64) = (DVec3::new(1.7, 2.2, 1.6), 0.8);
 const RINGS: u32 = 10;
@@ -81,7 +81,8 @@ fn room(floor: Material) -> Scene {
         (ceiling(x, [z[1], SIZE.z]), white),
     ];
     let (corners, height) = BLOCK;
-    let [base, top] = [0.0, height].map(|y| corners.map(|[x, z]| DVec3::new(x, y, z)));
+    let decimetres = |millimetres: u32| f64::from(millimetres) / 100.0;
+    let [base, top] = [0.0, height].map(|y| corners.map(|[x, z]| DVec3::new(decimetres(x), y, decimetres(z))));
     loops.push((top.to_vec(), red));
     loops.extend((0..4).map(|k| (vec![base[k], base[(k + 1) % 4], top[(k + 1) % 4], top[k]], red)));
     scene_of_loops(&loops, materials)
