@@ -1,6 +1,7 @@
 //! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
 
 mod changes;
+mod classes;
 mod common;
 #[path = "03_form_factors.rs"]
 mod form_factors;
@@ -20,6 +21,8 @@ mod stability;
 #[path = "02_substructuring.rs"]
 mod substructuring;
 mod truth;
+#[path = "10_two_pass.rs"]
+mod two_pass;
 
 use std::process::ExitCode;
 
@@ -35,6 +38,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &stability::Stability,
     &scale::Scale,
     &parametric::Parametric,
+    &two_pass::TwoPasses,
 ];
 
 fn main() -> ExitCode {

@@ -9,6 +9,8 @@ use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_render::{PathClass, Tone};
 
+use crate::false_colour::FalseColourArgs;
+
 /// Radiosity: form factors, solutions, pictures, comparisons.
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about)]
@@ -398,6 +400,9 @@ pub struct RenderArgs {
     /// How a PNG shows brightness.
     #[arg(long, value_name = "NAME", value_enum, default_value = "clamp")]
     pub tone: ToneName,
+    /// Numbers instead of colours.
+    #[command(flatten)]
+    pub false_colours: FalseColourArgs,
     /// Radiosity shown as white in a PNG, in W/m²; what 2 % of the pixels that show no light exceed if not given, 4 times that with reinhard or
     /// filmic.
     #[arg(long, value_name = "W", value_parser = positive)]

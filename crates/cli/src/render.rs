@@ -4,7 +4,8 @@
 //! a point drawn on a light, indirect light from the mesh. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
 //! number alone, so that a film that goes on from its state, the first pass computed again, ends with the same bytes.
 //!
-//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), and what to see of a scene ([`crate::viewpoint`]).
+//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), what to see of a scene ([`crate::viewpoint`]), and
+//! numbers in false colours ([`crate::false_colour`]).
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -19,11 +20,13 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{Imported, write_exr, write_png};
 use radiosity_render::numbers::ROUND;
 use radiosity_render::{
-    Exposure, FacetIrradiance, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone, TwoPass, TwoPassSettings,
+    Camera, Exposure, FacetIrradiance, Field, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone, TwoPass,
+    TwoPassSettings,
 };
 use serde_json::{Value, json};
 
 use crate::args::RenderArgs;
+use crate::false_colour::{self, FalseColours};
 use crate::film_state::{self, Settings};
 use crate::solve::SPECULAR_RAYS;
 use crate::viewpoint::Viewpoint;
@@ -52,6 +55,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     for path in [Some(&args.output), args.preview.as_ref(), args.state.as_ref()].into_iter().flatten() {
         in_a_folder(path)?;
     }
+    let colours = FalseColours::new(args)?;
     let imported = scene::with_specular(&args.common)?;
     let scene = &imported.scene;
     if !matches!(scene.bands(), 1 | 3) {
@@ -68,23 +72,39 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         Some(path) if args.resume => film_state::read(path, args.view.size, scene.bands(), &settings)?,
         _ => Film::new(args.view.size[0], args.view.size[1], scene.bands()),
     };
-    let mut studio = Studio { args, settings, seconds: 0.0 };
+    let of_surfaces = colours.as_ref().and_then(FalseColours::of_surfaces);
+    let mut studio = Studio { args, settings, colours, seconds: 0.0 };
     let seed = args.common.seed;
     if args.reference {
         let occluders = Occluders::of_scene(scene);
         let stage = Stage::new(scene, &occluders);
         let tracer = PathTracer::new(&stage, classes);
-        studio.expose(&mut film, &stage, &view, |film| tracer.expose(&view.camera, seed, film))?;
+        studio.expose(&mut film, &stage, &view, |film| match of_surfaces {
+            Some(quantity) => {
+                false_colour::expose(quantity, (&stage, &view.camera), classes, seed, film, |place, numbers, h| {
+                    tracer.irradiance(place.point, place.normal, numbers, h)
+                });
+            }
+            None => tracer.expose(&view.camera, seed, film),
+        })?;
         return studio.finish(&imported, &film, &stage, &view, None);
     }
     let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
     let first = run_enhanced(scene, &strategy, transport, &mut ())?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
     let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
-    let stored = Stored::Apart([&direct, &by_way, &indirect, &more]);
+    let fields: [&dyn Field; 4] = [&direct, &by_way, &indirect, &more];
+    let stored = Stored::Apart(fields);
     let pass = TwoPassSettings { light_points: args.light_points, gather: args.gather };
     let pass = TwoPass::new(&stage, stored, pass, classes)?;
-    studio.expose(&mut film, &stage, &view, |film| pass.expose(&view.camera, seed, film))?;
+    studio.expose(&mut film, &stage, &view, |film| match of_surfaces {
+        Some(quantity) => {
+            false_colour::expose(quantity, (&stage, &view.camera), classes, seed, film, |place, _, h| {
+                false_colour::stored(fields, classes, place, h)
+            });
+        }
+        None => pass.expose(&view.camera, seed, film),
+    })?;
     studio.finish(&imported, &film, &stage, &view, Some((&strategy, &first)))
 }
 
@@ -116,6 +136,12 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
             "{:?} on {:?}, bounces {:?}, light points {}, gather {}",
             strategy.method, strategy.mesh, args.specular_bounces, args.light_points, args.gather
         )
+    };
+    // A film of B or H is another; one of errors is that of the picture.
+    let shown = args.false_colours.false_colour.filter(|quantity| quantity.is_of_surfaces());
+    let method = match shown {
+        Some(quantity) => format!("{} by {method}", quantity.name()),
+        None => method,
     };
     let classes: Vec<&str> =
         PathClass::ALL.into_iter().filter(|c| classes(args).has(*c)).map(PathClass::name).collect();
@@ -149,6 +175,8 @@ fn fingerprint(scene: &Scene) -> u64 {
 struct Studio<'a> {
     args: &'a RenderArgs,
     settings: Settings,
+    /// How it is shown if not as it looks.
+    colours: Option<FalseColours>,
     /// Time of all rounds of this run.
     seconds: f64,
 }
@@ -206,15 +234,9 @@ impl Studio<'_> {
         let exposure = match self.args.white {
             Some(white) => Exposure::white_at(white),
             None => {
-                let camera = &view.camera;
-                let shows_light = |k: usize| {
-                    let (x, y) = (k % camera.width() as usize, k / camera.width() as usize);
-                    let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
-                    let place = stage.first(camera.eye(), direction).filter(|place| place.front);
-                    place.is_some_and(|place| stage.emission(place.surface).iter().any(|e| *e > 0.0))
-                };
                 let values = radiosities(film);
-                let mut counts: Vec<f64> = (0..values.len()).map(|k| f64::from(u8::from(!shows_light(k)))).collect();
+                let shown = |k: usize| !shows_light(stage, &view.camera, k);
+                let mut counts: Vec<f64> = (0..values.len()).map(|k| f64::from(u8::from(shown(k)))).collect();
                 if counts.iter().all(|count| *count == 0.0) {
                     counts.fill(1.0);
                 }
@@ -227,6 +249,9 @@ impl Studio<'_> {
 
     /// Writes a picture; gives the radiosity shown as white if there is one.
     fn write(&self, path: &Path, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<Option<f64>, Failure> {
+        if let Some(colours) = &self.colours {
+            return colours.write(path, film, stage, &view.camera).map(|()| None);
+        }
         match format_of(path)? {
             Format::Png => {
                 let exposure = self.exposure(film, stage, view);
@@ -253,12 +278,14 @@ impl Studio<'_> {
     ) -> Result<Verdict, Failure> {
         let args = self.args;
         let white = self.write(&args.output, film, stage, view)?;
+        let scale = self.colours.as_ref().map(|colours| colours.ends(film, stage, &view.camera));
         let converged = first.is_none_or(|(_, first)| first.run.solution.outcome == Outcome::Converged);
         let met = args.noise.is_none_or(|noise| noise == 0.0 || self.good(film));
         let object = json!({
             "picture": args.output.display().to_string(),
             "camera": view.json(),
             "white": white,
+            "scale": scale,
             "method": if args.reference { "path tracing" } else { "two passes" },
             "first_pass": first.map(first_json),
             "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
@@ -279,6 +306,9 @@ impl Studio<'_> {
             percent(film.noise()),
             white.map_or_else(String::new, |white| format!("; white is {white:.4e} W/m²"))
         ));
+        lines.extend(
+            scale.map(|[low, high]| format!("colours from {low:.4e} to {high:.4e} W/m² (--range={low},{high})")),
+        );
         lines.push(format!("→ {}", args.output.display()));
         output::print(&args.common, &object, &lines);
         Ok(if converged && met { Verdict::Done } else { Verdict::CheckFailed })
@@ -357,13 +387,22 @@ fn in_a_folder(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Whether the middle of pixel `k` of a camera, counted row by row, shows a light.
+pub(crate) fn shows_light(stage: &Stage<'_>, camera: &Camera, k: usize) -> bool {
+    let (x, y) = (k % camera.width() as usize, k / camera.width() as usize);
+    let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+    let place = stage.first(camera.eye(), direction).filter(|place| place.front);
+    place.is_some_and(|place| stage.emission(place.surface).iter().any(|e| *e > 0.0))
+}
+
 /// Kinds of pictures.
-enum Format {
+pub(crate) enum Format {
     Png,
     Exr,
 }
 
-fn format_of(path: &Path) -> Result<Format, Failure> {
+/// The kind that a file's name asks for.
+pub(crate) fn format_of(path: &Path) -> Result<Format, Failure> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("png") => Ok(Format::Png),
         Some("exr") => Ok(Format::Exr),
