@@ -1,6 +1,6 @@
 //! Light by way of specular surfaces, against rooms in which it is known and against the path tracer.
 
-use radiosity::{Method, Shape, SpecularTransport, Store, Strategy, run, run_enhanced};
+use radiosity::{Method, Shape, SpecularBy, SpecularTransport, Store, Strategy, run, run_enhanced};
 use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_gallery::MirrorRoom;
 use radiosity_gallery::boxes::{empty_box, material};
@@ -18,7 +18,7 @@ fn strategy(elements: u32, rays: u32, shape: Shape) -> Strategy {
 }
 
 fn transport(bounces: SpecularBounces, rays: u32) -> SpecularTransport {
-    SpecularTransport { bounces, rays }
+    SpecularTransport { bounces, by: SpecularBy::Rays(rays) }
 }
 
 /// A closed room of E = 3, ρ = 0.3 and mirrors of reflectance `mirror` in one or more bands, everywhere.
@@ -160,7 +160,7 @@ fn the_same_in_one_thread_and_in_three() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let strategy = strategy(3, 128, Shape::Full);
-            run_enhanced(&scene, &strategy, SpecularTransport { rays: 128, ..SpecularTransport::ANY }, &mut ())
+            run_enhanced(&scene, &strategy, transport(SpecularBounces::Any, 128), &mut ())
                 .unwrap()
                 .run
                 .solution
