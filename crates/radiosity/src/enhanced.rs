@@ -97,7 +97,7 @@ pub fn run_enhanced<'a>(
         strategy.check()?;
     }
     let clock = Instant::now();
-    let geometry = Geometry::new(scene, &strategy.mesh)?;
+    let geometry = Geometry::of_strategy(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let form = strategy.shape.form();
     let clock = Instant::now();
