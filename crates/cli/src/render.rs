@@ -89,7 +89,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         })?;
         return studio.finish(&imported, &film, &stage, &view, None);
     }
-    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let first = run_enhanced(scene, &strategy, transport, &mut ())?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
     let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
@@ -133,8 +133,8 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         "--reference".to_owned()
     } else {
         format!(
-            "{:?} on {:?}, bounces {:?}, light points {}, gather {}",
-            strategy.method, strategy.mesh, args.specular_bounces, args.light_points, args.gather
+            "{:?} on {:?}, bounces {:?} by {:?}, light points {}, gather {}",
+            strategy.method, strategy.mesh, args.specular_bounces, args.specular_by, args.light_points, args.gather
         )
     };
     // A film of B or H is another; one of errors is that of the picture.

@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
-    LinearRadiosity, Method, Phase, Round, Run, RunError, Saving, SpecularTransport,
+    LinearRadiosity, Method, Phase, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{
@@ -78,7 +78,7 @@ enum Way<'a> {
     /// By one run.
     Straight,
     /// By one run with light by way of specular surfaces, whose form factors took so much.
-    Enhanced(Phase),
+    Enhanced(SpecularBy, Phase),
     /// By refinement to a tolerance.
     Refined(Refinement),
     /// From the solution of another scene, which took so many seconds.
@@ -122,10 +122,10 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let (elements, blocking) = sizes(&geometry);
     let mut strategy = strategy((elements, blocking), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args, blocking);
-    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
-    if specular && args.solver.is_none() && strategy.shape == Shape::Full {
-        // Extended form factors are not symmetric.
+    if specular && transport.by != SpecularBy::Images && args.solver.is_none() && strategy.shape == Shape::Full {
+        // Extended form factors along rays are not symmetric.
         "gauss-seidel".clone_into(&mut strategy.solver);
     }
     strategy.check()?;
@@ -141,7 +141,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
             drop(geometry);
             let EnhancedRun { run, specular, .. } =
                 run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
-            (run, Way::Enhanced(specular))
+            (run, Way::Enhanced(transport.by, specular))
         }
         None => (run_meshed(geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
     };
@@ -332,13 +332,14 @@ fn finish(
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
-        Way::Enhanced(phase) => {
+        Way::Enhanced(by, phase) => {
             object["extended_form_factors"] = output::phase(&phase);
-            lines.push(format!(
-                "by way of specular surfaces: {} rays in {:.3} s",
-                phase.cost.rays,
-                phase.time.as_secs_f64()
-            ));
+            object["extended_form_factors"]["by"] = by.name().into();
+            let work = match by {
+                SpecularBy::Rays(_) => format!("{} rays", phase.cost.rays),
+                SpecularBy::Images => format!("{} pairs by images", phase.cost.form_factors),
+            };
+            lines.push(format!("by way of specular surfaces: {work} in {:.3} s", phase.time.as_secs_f64()));
         }
         Way::Refined(refinement) => {
             let (estimate, met) = refinement.result();
