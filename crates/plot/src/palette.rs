@@ -38,7 +38,7 @@ pub struct Style {
 }
 
 /// Groups whose members meet in one figure.
-const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
+const GROUPS: [&[(&str, Rgb, Marker)]; 6] = [
     // Solvers.
     &[
         ("jacobi", [0x00, 0x72, 0xb2], Marker::Circle),
@@ -82,6 +82,13 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
         ("on-demand", [0xa0, 0x5f, 0xc0], Marker::Triangle),
         ("packed", [0x2e, 0x8b, 0x57], Marker::Diamond),
         ("packed-f32", [0xb2, 0x22, 0x22], Marker::Wedge),
+    ],
+    // Directions stored, against two passes.
+    &[
+        ("specular radiosity", [0x88, 0x22, 0x55], Marker::Square),
+        ("two-pass, 0 bounces", [0x99, 0xaa, 0xbb], Marker::Wedge),
+        ("two-pass, 1 bounce", [0x33, 0xa0, 0xc0], Marker::Diamond),
+        ("two-pass, any", [0x00, 0x44, 0x88], Marker::Circle),
     ],
 ];
 
