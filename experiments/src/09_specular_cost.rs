@@ -2,12 +2,13 @@
 //!
 //! Question: where does specular radiosity, n elements × K directions, become impractical? Theory: what a mirror shows is blurred over bins of √(2π/K) and over elements, so that
 //! a picture errs like K^(−1/2) where it is smooth and like K^(−1/4) over edges, once elements are as small as bins; irradiance averages over bins and suffers far less.
-//! Unknowns grow like n·K and what a glossy surface does like K², while two passes store no direction: their cost is that of rays. Measured in a closed room 3 × 2 × 2.5 with a
-//! lamp, a block and one wall that is a perfect mirror or has a glossy lobe (Phong, n = 40). Irradiance over 4 × 4 cells a face against exact pairs through a hole into
-//! the mirrored room, and in the glossy room against path tracing; a picture of the shining wall against path tracing, rms over pixels relative to their mean. All runs
-//! of specular radiosity cast equally many rays, so that bins and elements are what differs; their noise is where curves over K level off. Two passes sample lights and gather, with 0, 1 or any number of
-//! specular bounces in the first pass, and get finer in rays of both passes alike. Read: error at equal time, and at equal memory. Not shown: bins that adapt; other cameras, which cost
-//! two passes another second pass and specular radiosity nothing but look-ups.
+//! Unknowns grow like n·K and what a glossy surface does like K², while two passes store no direction: their cost is that of rays. Measured in a closed room 3 × 2 × 2.5 with
+//! a block and one shining wall: a perfect mirror or a glossy lobe (Phong, n = 40) under a ceiling that shines all over, which is kind to bins, and the mirror under a lamp of a seventeenth of its
+//! area. Irradiance over 4 × 4 cells a face, against exact pairs through a hole into the mirrored room, in the glossy room against path tracing; a picture of the shining wall
+//! against path tracing, of the mirror through the hole, rms over pixels relative to their mean. All runs of specular radiosity cast equally many rays, so
+//! that bins and elements are what differs; their noise is where curves over K level off. Two passes sample lights and gather, with 0, 1 or any number of specular bounces in the
+//! first pass (a flat wall is not met twice in a row, so one bounce is as good as any here), and get finer in rays of both passes alike. Read: error at equal time, and at equal memory. Not shown: bins that adapt; further cameras, which cost two passes another second
+//! pass and specular radiosity nothing but look-ups.
 
 use std::error::Error;
 use std::time::Instant;
@@ -33,7 +34,6 @@ use radiosity_render::{
 use rayon::prelude::*;
 
 use crate::common::{counts, exponent};
-use crate::truth::nested_pairs_truth;
 
 /// The experiment.
 pub struct SpecularCost;
@@ -50,38 +50,39 @@ const TWO_PASS: [(&str, SpecularBounces); 3] = [
 ];
 const UNSHOT: f64 = 1e-4;
 const SEED: u64 = 1;
-const SCENES: [&str; 2] = ["mirror", "gloss"];
+/// Scenes: under a shining ceiling, but for the last.
+const SCENES: [&str; 3] = ["mirror", "gloss", "mirror, lamp"];
 
 /// Elements along an edge of a face, and bins along an edge of their square: K is that squared.
 fn meshes(profile: Profile) -> Vec<(u32, Vec<u32>)> {
     profile.pick(
         vec![(2, vec![2, 8])],
-        vec![(4, vec![4, 8, 16, 32]), (8, vec![4, 8, 16, 32])],
+        vec![(4, vec![4, 16]), (8, vec![8, 32])],
         vec![(4, vec![4, 8, 16, 32, 64]), (8, vec![4, 8, 16, 32, 64, 96]), (16, vec![8, 16, 32, 64])],
     )
 }
 
 /// Rays along the edge of the square of all directions of an element, times elements along an edge: the same number of rays for all.
 fn rays_and_elements(profile: Profile) -> u32 {
-    profile.pick(64, 384, 1024)
+    profile.pick(64, 256, 512)
 }
 
 /// Of two passes: elements along an edge of a face; rays of every row, and rounds of the picture.
 fn passes(profile: Profile) -> (u32, Vec<(u32, u32)>) {
-    profile.pick(
-        (2, vec![(64, 1)]),
-        (8, vec![(64, 1), (256, 2), (1024, 4)]),
-        (8, vec![(64, 1), (256, 2), (1024, 8), (4096, 32)]),
-    )
+    profile.pick((2, vec![(64, 1)]), (8, vec![(64, 1), (512, 4)]), (8, vec![(64, 1), (256, 2), (1024, 8), (4096, 32)]))
 }
 
-/// Pixels along an edge of the picture, rounds of its reference, paths of a cell of the glossy room, and the longest edge of an element in the mirrored room.
-fn reference(profile: Profile) -> (u32, u32, u64, f64) {
-    profile.pick((12, 4, 64, 0.7), (32, 64, 2048, 0.3), (64, 256, 16384, 0.125))
+/// Pixels along an edge of the picture, rounds of its reference, paths of a cell of the glossy room, and elements along an edge of a face of the mirrored room.
+fn reference(profile: Profile) -> (u32, u32, u64, u32) {
+    profile.pick((12, 4, 64, 4), (32, 24, 1024, 8), (64, 192, 8192, 12))
 }
 
 /// Rounds of a picture of look-ups: noise of edges is all there is.
 const LOOK_UPS: u32 = 4;
+
+/// The lamp and the ceiling of a [`MirrorRoom`].
+const LAMP: usize = 1;
+const CEILING: usize = 6;
 
 /// A room with one shining wall.
 fn room(name: &str) -> Scene {
@@ -90,7 +91,20 @@ fn room(name: &str) -> Scene {
         let wall = scene.surfaces[MirrorRoom::MIRROR].material;
         scene.materials[wall].specular = Some(Specular::Phong { reflectance: vec![0.9], exponent: 40.0 });
     }
+    let (light, wall) = (scene.surfaces[LAMP].material, scene.surfaces[CEILING].material);
+    // What shines reflects as well, so that its irradiance is asked for and known.
+    scene.materials[light].reflectance = scene.materials[wall].reflectance.clone();
+    if name != "mirror, lamp" {
+        // The ceiling takes the material of the lamp, which becomes a board.
+        (scene.surfaces[LAMP].material, scene.surfaces[CEILING].material) = (wall, light);
+        scene.materials[light].emission = vec![1.0];
+    }
     scene
+}
+
+/// Whether light is thrown by a perfect mirror, which is a hole into its image.
+fn has_hole(name: &str) -> bool {
+    name != "gloss"
 }
 
 /// Looks at the shining wall from the other one, a little downwards, past the lamp.
@@ -108,13 +122,14 @@ struct Known {
 
 impl Known {
     fn of(name: &str, scene: &Scene, profile: Profile) -> Result<Self, Box<dyn Error>> {
-        let (side, rounds, paths, length) = reference(profile);
-        let irradiance = if name == "mirror" { through_the_hole(scene, length)? } else { by_paths(scene, paths)? };
-        let occluders = Occluders::of_scene(scene);
-        let stage = Stage::new(scene, &occluders);
+        let (side, rounds, paths, k) = reference(profile);
+        let irradiance = if name == "mirror" { through_the_hole(scene, k)? } else { by_paths(scene, paths)? };
+        // Through the hole all light can be drawn, and noise is less.
+        let seen = if has_hole(name) { opened(scene, MirrorRoom::MIRROR) } else { scene.clone() };
+        let occluders = Occluders::of_scene(&seen);
+        let stage = Stage::new(&seen, &occluders);
         let tracer = PathTracer::new(&stage, PathClasses::ALL);
-        let mut film = Film::new(side, side, 1);
-        let camera = camera(side)?;
+        let (mut film, camera) = (Film::new(side, side, 1), camera(side)?);
         (0..rounds).for_each(|_| tracer.expose(&camera, SEED, &mut film));
         Ok(Self { irradiance, picture: (film.means(), film.noise()) })
     }
@@ -139,14 +154,20 @@ fn diffuse(grid: GridValues) -> GridValues {
     grid.on(&others)
 }
 
-/// Exact pairs in the room whose mirror is a hole.
-fn through_the_hole(scene: &Scene, length: f64) -> Result<(GridValues, f64), Box<dyn Error>> {
-    let truth = nested_pairs_truth(&opened(scene, MirrorRoom::MIRROR), length, CELLS)?;
+/// Exact pairs in the room whose mirror is a hole, on `k` × `k` elements a face; the error is the difference from half as many along an edge, which is more.
+fn through_the_hole(scene: &Scene, k: u32) -> Result<(GridValues, f64), Box<dyn Error>> {
+    let hole = opened(scene, MirrorRoom::MIRROR);
     // Surfaces of the room follow its mirror, which is surface 0; then come those of its image.
-    let near = scene.surfaces.len() as u32 - 1;
-    let mut grid = truth.grid.on(&(0..near).collect::<Vec<_>>());
-    grid.surfaces.iter_mut().for_each(|s| *s += 1);
-    Ok((grid, truth.error))
+    let near: Vec<u32> = (0..scene.surfaces.len() as u32 - 1).collect();
+    let cells = |k: u32| -> Result<GridValues, Box<dyn Error>> {
+        let plain = Strategy::new(Subdivision::Uniform(k), Method::ANALYTIC);
+        let run = radiosity::run(&hole, &Strategy { store: Store::Packed, ..plain }, &mut ())?;
+        Ok(GridValues::means(&run.geometry, &run.solution.irradiance, CELLS)?.on(&near))
+    };
+    let mut fine = cells(k)?;
+    let error = cells(k / 2)?.error(&fine).rms;
+    fine.surfaces.iter_mut().for_each(|s| *s += 1);
+    Ok((fine, error))
 }
 
 /// Path tracing to points of every cell; the error is that of the mean of two halves, half their difference.
@@ -261,7 +282,7 @@ fn two_pass(
 
 /// Writes a grey picture.
 fn show(context: &mut Context, name: &str, caption: &str, side: u32, radiance: &[f64]) -> Result<(), Box<dyn Error>> {
-    const WHITE: f64 = 0.35;
+    const WHITE: f64 = 1.2;
     let colour = |l: &f64| Exposure::white_at(WHITE).colour([std::f64::consts::PI * l; 3]);
     let rgb: Vec<u8> = radiance.iter().flat_map(colour).collect();
     context.picture(name, caption, side, side, &rgb)
