@@ -16,6 +16,8 @@ mod progressive;
 mod scale;
 #[path = "04_solvers.rs"]
 mod solvers;
+#[path = "09_specular_cost.rs"]
+mod specular_cost;
 #[path = "06_stability.rs"]
 mod stability;
 #[path = "02_substructuring.rs"]
@@ -38,6 +40,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &stability::Stability,
     &scale::Scale,
     &parametric::Parametric,
+    &specular_cost::SpecularCost,
     &two_pass::TwoPasses,
 ];
 

@@ -91,6 +91,7 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 6] = [
         ("two passes, 1 bounce", [0xd5, 0x5e, 0x00], Marker::Square),
         ("two passes, any bounces", [0x00, 0x9e, 0x73], Marker::Diamond),
         ("path tracing", [0x22, 0x22, 0x22], Marker::Triangle),
+        ("specular radiosity", [0x88, 0x22, 0x55], Marker::Circle),
     ],
 ];
 

@@ -20,6 +20,7 @@ mod resolve;
 mod run;
 mod saved;
 mod senders;
+pub mod specular_radiosity;
 mod strategy;
 mod tolerance;
 mod yardstick;
@@ -36,6 +37,7 @@ pub use predict::{Alternative, Bytes, Change, Prediction, Size, admit, coarser, 
 pub use resolve::{Saving, Solved};
 pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_meshed, run_saved, solve_on};
 pub use saved::{FitError, FittedRows, SavedCell, SavedFormFactors};
+pub use specular_radiosity::{SpecularRadiosity, SpecularSolution, run_specular_radiosity};
 pub use strategy::{DirectLight, LINK_ERROR, Method, Shape, Store, Strategy, default_method};
 pub use tolerance::{ToleranceRun, ToleranceStep, run_to_tolerance};
 pub use yardstick::{HistoryPoint, Measured, Yardstick};
