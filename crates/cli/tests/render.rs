@@ -71,7 +71,7 @@ fn a_picture_that_goes_on_is_that_of_one_run() {
         assert_eq!(ran.code, 2);
         assert!(ran.stderr.starts_with("error: part.film") && ran.stderr.contains(word), "{}", ran.stderr);
     }
-    folder.write("part.film", "radiosity film 1\n{}\n");
+    folder.write("part.film", "radiosity film 2\n{}\n");
     assert_eq!(folder.run(&format!("{SMALL} --state part.film --resume --output part.exr")).code, 2);
     assert!(folder.bytes("part.exr") == folder.bytes("whole.exr"), "a refusal leaves pictures as they were");
 }

@@ -3,8 +3,42 @@
 use glam::DVec3;
 use radiosity_core::BandValues;
 use radiosity_geometry::mesh::{Place, Reconstruction};
+use radiosity_render::Field;
 
 use crate::Geometry;
+
+/// Irradiance reconstructed linearly over the exposed elements of a geometry, to be looked up at points of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearIrradiance {
+    irradiance: Reconstruction,
+    /// Mesh element of every exposed element.
+    exposed: Vec<u32>,
+}
+
+impl LinearIrradiance {
+    /// From the irradiance H of the exposed elements in W/m².
+    ///
+    /// # Panics
+    ///
+    /// If `irradiance` is of another geometry.
+    pub fn new(geometry: &Geometry<'_>, irradiance: &BandValues) -> Self {
+        assert_eq!(irradiance.len(), geometry.elements().len(), "irradiance of the exposed elements");
+        let irradiance = Reconstruction::new(geometry.mesh(), geometry.spread(irradiance).values());
+        Self { irradiance, exposed: geometry.exposed().to_vec() }
+    }
+
+    /// H over the elements of the mesh.
+    pub fn reconstruction(&self) -> &Reconstruction {
+        &self.irradiance
+    }
+}
+
+impl Field for LinearIrradiance {
+    fn add(&self, facet: u32, point: DVec3, weight: f64, h: &mut [f64]) {
+        let place = self.irradiance.place(self.exposed[facet as usize] as usize, point);
+        h.iter_mut().enumerate().for_each(|(b, h)| *h += weight * self.irradiance.value(&place, b));
+    }
+}
 
 /// Irradiance reconstructed linearly over the exposed elements of a geometry, with the radiosity that follows from it.
 ///
