@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use radiosity::{
-    Geometry, GridValues, Method, SpecularRadiosity, SpecularTransport, Store, Strategy, run_enhanced,
+    Geometry, GridValues, Method, SpecularBy, SpecularRadiosity, SpecularTransport, Store, Strategy, run_enhanced,
     run_specular_radiosity,
 };
 use radiosity_core::BandValues;
@@ -253,7 +253,7 @@ fn two_pass(
     let (name, scene, known) = scene;
     let plain = Strategy::new(Subdivision::Uniform(passes(profile).0), Method::RaysAndEmitters { rays });
     let strategy = Strategy { store: Store::Sparse, unshot: UNSHOT, verify: false, seed: SEED, ..plain };
-    let found = run_enhanced(scene, &strategy, SpecularTransport { bounces, rays }, &mut ())?;
+    let found = run_enhanced(scene, &strategy, SpecularTransport { bounces, by: SpecularBy::Rays(rays) }, &mut ())?;
     let (run, time) = (&found.run, found.run.seconds());
     let side = reference(profile).0;
     let stage = Stage::new(scene, run.geometry.element_occluders());

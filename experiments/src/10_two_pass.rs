@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
-use radiosity::{EnhancedRun, Method, SpecularTransport, Store, Strategy, run_enhanced};
+use radiosity::{EnhancedRun, LinearIrradiance, Method, SpecularBy, SpecularTransport, Store, Strategy, run_enhanced};
 use radiosity_core::Cost;
 use radiosity_experiments::{Context, Experiment, Profile, REFERENCES, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_form_factors::extended::SpecularBounces;
@@ -35,10 +35,10 @@ use radiosity_geometry::mesh::Subdivision;
 use radiosity_geometry::{Occluders, Scene};
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
-use radiosity_render::numbers::ROUND;
+use radiosity_render::numbers::{ROUND, STREAMS};
 use radiosity_render::{
-    Camera, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored, Tone,
-    TwoPass, TwoPassSettings,
+    Camera, Control, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored,
+    Tone, TwoPass, TwoPassSettings,
 };
 
 use crate::classes;
@@ -54,6 +54,8 @@ const REFERENCE_SEED: u64 = 2;
 pub const SEED: u64 = 1;
 /// Directions that a final gather takes for every sample.
 const GATHERED: u32 = 4;
+/// Share of the mean reflected radiosity by which an element is off that a gather takes.
+const OFF: f64 = 0.02;
 /// Rounds from which standard errors are believed.
 const BELIEVED: u64 = 8;
 /// Ends of the scale of pictures of differences, in per cent of the mean.
@@ -191,7 +193,7 @@ pub fn first_pass<'a>(
         ..Strategy::new(Subdivision::EdgeLength(way.edge), method)
     };
     let clock = Instant::now();
-    let first = run_enhanced(scene, &strategy, SpecularTransport { bounces, rays }, &mut ())?;
+    let first = run_enhanced(scene, &strategy, SpecularTransport { bounces, by: SpecularBy::Rays(rays) }, &mut ())?;
     Ok(Some((first, clock.elapsed().as_secs_f64())))
 }
 
@@ -202,37 +204,54 @@ impl Field for Dark {
     fn add(&self, _: u32, _: DVec3, _: f64, _: &mut [f64]) {}
 }
 
-/// Hands `work` what takes a round of a way's picture.
+/// What finding the elements to gather from took.
+pub type Look = (Cost, f64);
+/// Takes a round of a picture.
+type Round<'r> = &'r dyn Fn(&mut Film);
+
+/// Hands `work` what takes a round of a way's picture, and what came before the first.
 pub fn with_pass(
     way: Way,
     (scene, first): (&Scene, Option<&EnhancedRun<'_>>),
     classes: PathClasses,
     camera: &Camera,
-    work: &mut dyn FnMut(&dyn Fn(&mut Film)),
+    work: &mut dyn FnMut(Look, Round<'_>),
 ) -> Result<(), Box<dyn Error>> {
-    let alone;
-    let (scene, occluders) = match first {
-        Some(first) => (first.run.geometry.scene(), first.run.geometry.element_occluders()),
-        None => {
-            alone = Occluders::of_scene(scene);
-            (scene, &alone)
+    let nothing = (Cost::default(), 0.0);
+    let Some(first) = first else {
+        let occluders = Occluders::of_scene(scene);
+        let stage = Stage::new(scene, &occluders);
+        if way.kind == Kind::PathTracing {
+            let tracer = PathTracer::new(&stage, classes);
+            work(nothing, &|film| tracer.expose(camera, SEED, film));
+        } else {
+            let settings = TwoPassSettings { light_points: 1, gather: 0 };
+            let pass = TwoPass::new(&stage, Stored::Apart([&Dark; 4]), settings, classes)?;
+            work(nothing, &|film| pass.expose(camera, SEED, film));
         }
+        return Ok(());
     };
-    let stage = Stage::new(scene, occluders);
-    if way.kind == Kind::PathTracing {
-        let tracer = PathTracer::new(&stage, classes);
-        work(&|film| tracer.expose(camera, SEED, film));
+    let geometry = &first.run.geometry;
+    let stage = Stage::new(geometry.scene(), geometry.element_occluders());
+    let fields = first.ways.each_ref().map(|h| -> Box<dyn Field + '_> {
+        if way.kind == Kind::Radiosity {
+            Box::new(FacetIrradiance(h))
+        } else {
+            Box::new(LinearIrradiance::new(geometry, h))
+        }
+    });
+    let fields = fields.each_ref().map(|field| &**field);
+    let settings = TwoPassSettings { light_points: u32::from(way.kind != Kind::Radiosity), gather: way.gather };
+    let pass = TwoPass::new(&stage, Stored::Apart(fields), settings, classes)?;
+    if way.gather == 0 {
+        work(nothing, &|film| pass.expose(camera, SEED, film));
         return Ok(());
     }
-    let light_points = u32::from(way.kind != Kind::Radiosity);
-    let settings = TwoPassSettings { light_points, gather: way.gather };
-    let fields = first.map(|first| first.ways.each_ref().map(FacetIrradiance));
-    let stored = match &fields {
-        Some([direct, by_way, indirect, more]) => Stored::Apart([direct, by_way, indirect, more]),
-        None => Stored::Apart([&Dark; 4]),
-    };
-    let pass = TwoPass::new(&stage, stored, settings, classes)?;
-    work(&|film| pass.expose(camera, SEED, film));
+    let clock = Instant::now();
+    let control = Control::new(&stage, (geometry.elements(), &geometry.reflectance()), fields, OFF, SEED);
+    let look = (control.cost, clock.elapsed().as_secs_f64());
+    let pass = pass.controlled(&control);
+    work(look, &|film| pass.expose(camera, SEED, film));
     Ok(())
 }
 
@@ -246,7 +265,7 @@ struct Reference {
 fn reference(context: &Context, scene: &Scene) -> Result<Reference, Box<dyn Error>> {
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     let ([width, height], rounds) = (size(context.profile()), reference_rounds(context.profile()));
-    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}.film"));
+    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}x{STREAMS}.film"));
     if let Some(known) = read_film(&file, [width, height], scene.bands(), rounds) {
         return Ok(known);
     }
@@ -259,7 +278,7 @@ fn reference(context: &Context, scene: &Scene) -> Result<Reference, Box<dyn Erro
     let seconds = clock.elapsed().as_secs_f64();
     std::fs::create_dir_all(&folder)?;
     let mut bytes = format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "seconds": seconds })).into_bytes();
-    film.state().into_iter().flatten().for_each(|sum| bytes.extend(sum.to_le_bytes()));
+    film.state().iter().flatten().for_each(|sum| bytes.extend(sum.to_le_bytes()));
     std::fs::write(&file, bytes)?;
     Ok(Reference { film, seconds })
 }
@@ -271,9 +290,11 @@ fn read_film(file: &Path, [width, height]: [u32; 2], bands: usize, rounds: u64) 
     let header: serde_json::Value = serde_json::from_slice(&bytes[..end]).ok()?;
     let sums: Vec<f64> =
         bytes[end + 1..].chunks_exact(8).filter_map(|b| Some(f64::from_le_bytes(b.try_into().ok()?))).collect();
-    let half = width as usize * height as usize * bands;
     let cost = Cost { rays: header["rays"].as_u64()?, ..Cost::default() };
-    let state = [sums.get(..half)?.to_vec(), sums.get(half..2 * half)?.to_vec()];
+    let state: Vec<[f64; STREAMS]> = sums.chunks_exact(STREAMS).filter_map(|sums| sums.try_into().ok()).collect();
+    if state.len() != width as usize * height as usize * bands {
+        return None;
+    }
     Some(Reference {
         film: Film::resume(width, height, bands, rounds, state, cost),
         seconds: header["seconds"].as_f64()?,
@@ -349,47 +370,53 @@ fn take(
     let elements = first.as_ref().map_or(0, |(first, _)| first.run.geometry.elements().len());
     let mut film = Film::new(reference.width, reference.height, reference.bands);
     let (mut records, mut at_common) = (Vec::new(), Vec::new());
-    with_pass(way, (scenes.0, first.as_ref().map(|(first, _)| first)), PathClasses::ALL, &camera, &mut |round| {
-        let mut seconds = before;
-        for target in (0..).map(|k| 1 << k).take_while(|rounds| *rounds <= way.rounds) {
-            let clock = Instant::now();
-            while film.rounds < target {
-                round(&mut film);
+    with_pass(
+        way,
+        (scenes.0, first.as_ref().map(|(first, _)| first)),
+        PathClasses::ALL,
+        &camera,
+        &mut |look, round| {
+            let (cost, mut seconds) = (cost + look.0, before + look.1);
+            for target in (0..).map(|k| 1 << k).take_while(|rounds| *rounds <= way.rounds) {
+                let clock = Instant::now();
+                while film.rounds < target {
+                    round(&mut film);
+                }
+                seconds += clock.elapsed().as_secs_f64();
+                if film.rounds == common {
+                    at_common = film.means();
+                }
+                let compared = compare(&film, reference);
+                let samples = film.rounds * u64::from(ROUND);
+                let record = Record::new(format!("{}/{samples}", way.line()))
+                    .text("series", "pictures")
+                    .text("method", way.method())
+                    .text("style", way.style())
+                    .text("line", way.line())
+                    .float("edge", way.edge)
+                    .int("elements", elements)
+                    .text("complete", if way.is_complete() { "yes" } else { "no" })
+                    .text("last", if 2 * target > way.rounds { "yes" } else { "no" })
+                    .int("samples", samples)
+                    .int("first_rays", cost.rays)
+                    .int("rays", cost.rays + film.cost.rays)
+                    .float("error", compared.error)
+                    .float("error_of_square", compared.error_of_square)
+                    .text("outcome", "done")
+                    .seconds("first_time", before)
+                    .seconds("time", seconds);
+                let record = if film.rounds >= BELIEVED {
+                    record
+                        .float("noise", film.noise())
+                        .float("mean_error", compared.mean_error)
+                        .float("mean_error_error", compared.mean_error_error)
+                } else {
+                    record
+                };
+                records.push(record);
             }
-            seconds += clock.elapsed().as_secs_f64();
-            if film.rounds == common {
-                at_common = film.means();
-            }
-            let compared = compare(&film, reference);
-            let samples = film.rounds * u64::from(ROUND);
-            let record = Record::new(format!("{}/{samples}", way.line()))
-                .text("series", "pictures")
-                .text("method", way.method())
-                .text("style", way.style())
-                .text("line", way.line())
-                .float("edge", way.edge)
-                .int("elements", elements)
-                .text("complete", if way.is_complete() { "yes" } else { "no" })
-                .text("last", if 2 * target > way.rounds { "yes" } else { "no" })
-                .int("samples", samples)
-                .int("first_rays", cost.rays)
-                .int("rays", cost.rays + film.cost.rays)
-                .float("error", compared.error)
-                .float("error_of_square", compared.error_of_square)
-                .text("outcome", "done")
-                .seconds("first_time", before)
-                .seconds("time", seconds);
-            let record = if film.rounds >= BELIEVED {
-                record
-                    .float("noise", film.noise())
-                    .float("mean_error", compared.mean_error)
-                    .float("mean_error_error", compared.mean_error_error)
-            } else {
-                record
-            };
-            records.push(record);
-        }
-    })?;
+        },
+    )?;
     Ok(Taken { way, film, records, at_common })
 }
 

@@ -8,7 +8,7 @@
 
 use std::error::Error;
 
-use radiosity::{GridValues, Method, SpecularTransport, Store, Strategy, run_enhanced};
+use radiosity::{GridValues, Method, SpecularBy, SpecularTransport, Store, Strategy, run_enhanced};
 use radiosity_core::BandValues;
 use radiosity_experiments::{Profile, Record, Row, Tables, group_by};
 use radiosity_form_factors::extended::SpecularBounces;
@@ -53,7 +53,7 @@ pub fn by_class(ways: &[Way], scenes: (&Scene, &Scene), profile: Profile) -> Res
         let picture = |classes: PathClasses| -> Result<Film, Box<dyn Error>> {
             let mut film = Film::new(width, height, scenes.0.bands());
             let scene = (scenes.0, first.as_ref().map(|(first, _)| first));
-            with_pass(*way, scene, classes, &camera, &mut |round| (0..rounds).for_each(|_| round(&mut film)))?;
+            with_pass(*way, scene, classes, &camera, &mut |_, round| (0..rounds).for_each(|_| round(&mut film)))?;
             Ok(film)
         };
         let whole = picture(PathClasses::ALL)?;
@@ -87,7 +87,12 @@ pub fn floor_cells(profile: Profile) -> Result<Vec<Record>, Box<dyn Error>> {
         verify: false,
         ..Strategy::new(Subdivision::EdgeLength(edge), Method::RaysAndEmitters { rays })
     };
-    let first = run_enhanced(&scene, &strategy, SpecularTransport { bounces: SpecularBounces::Any, rays }, &mut ())?;
+    let first = run_enhanced(
+        &scene,
+        &strategy,
+        SpecularTransport { bounces: SpecularBounces::Any, by: SpecularBy::Rays(rays) },
+        &mut (),
+    )?;
     let [_, by_way, _, more] = &first.ways;
     let sum = by_way.values().iter().zip(more.values()).map(|(a, b)| a + b).collect();
     let by_way = BandValues::new(sum, by_way.len());

@@ -406,10 +406,18 @@ pub struct RenderArgs {
     /// Directions gathered wherever a diffuse surface is seen; 0 shows indirect light as the mesh holds it.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub gather: u32,
+    /// Gather only from elements that are off by more than this share of the mean reflected radiosity, by a look around from each; 0 gathers everywhere.
+    #[arg(long, value_name = "T", default_value_t = 0.02, value_parser = share)]
+    pub gather_tolerance: f64,
+    /// What the mesh holds between its values.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "linear")]
+    pub shading: Shading,
     /// Trace paths from the eye to the lights instead: no mesh, no error but noise.
     #[arg(
         long,
-        conflicts_with_all = ["subdivide", "element_size", "patch_subdivide", "specular_bounces", "specular_by", "light_points", "gather"]
+        conflicts_with_all = [
+            "subdivide", "element_size", "patch_subdivide", "specular_bounces", "specular_by", "light_points", "gather", "gather_tolerance", "shading",
+        ]
     )]
     pub reference: bool,
     /// Show light of these classes of paths alone: LE, LSE, LDE, LDSE, LSDE, LSDSE, LDDE, LDDSE, LDSDE, LDSDSE, by commas.

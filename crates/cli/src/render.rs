@@ -1,7 +1,7 @@
 //! `radiosity render`: a picture of a scene, by two passes or by tracing paths.
 //!
 //! What is not asked for is chosen so that any scene gives a picture: about 2,000 elements of equal size, rows of 4,096 rays with exact emitters, direct light from
-//! a point drawn on a light, indirect light from the mesh. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
+//! a point drawn on a light, indirect light from the mesh, linear inside its elements. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
 //! number alone, so that a film that goes on from its state, the first pass computed again, ends with the same bytes.
 //!
 //! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), what to see of a scene ([`crate::viewpoint`]), and
@@ -12,7 +12,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use radiosity::{
-    EnhancedRun, Geometry, Method, Shape, Size, SpecularTransport, Store, Strategy, predict, run_enhanced,
+    EnhancedRun, Geometry, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict,
+    run_enhanced,
 };
 use radiosity_core::{Outcome, mix};
 use radiosity_geometry::mesh::Subdivision;
@@ -20,12 +21,12 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{Imported, write_exr, write_png};
 use radiosity_render::numbers::ROUND;
 use radiosity_render::{
-    Camera, Exposure, FacetIrradiance, Field, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone, TwoPass,
-    TwoPassSettings,
+    Camera, Control, Exposure, FacetIrradiance, Field, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone,
+    TwoPass, TwoPassSettings,
 };
 use serde_json::{Value, json};
 
-use crate::args::RenderArgs;
+use crate::args::{RenderArgs, Shading};
 use crate::false_colour::{self, FalseColours};
 use crate::film_state::{self, Settings};
 use crate::solve::SPECULAR_RAYS;
@@ -73,7 +74,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         _ => Film::new(args.view.size[0], args.view.size[1], scene.bands()),
     };
     let of_surfaces = colours.as_ref().and_then(FalseColours::of_surfaces);
-    let mut studio = Studio { args, settings, colours, seconds: 0.0 };
+    let mut studio = Studio { args, settings, colours, seconds: 0.0, look: None };
     let seed = args.common.seed;
     if args.reference {
         let occluders = Occluders::of_scene(scene);
@@ -92,15 +93,30 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let first = run_enhanced(scene, &strategy, transport, &mut ())?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
-    let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
-    let fields: [&dyn Field; 4] = [&direct, &by_way, &indirect, &more];
-    let stored = Stored::Apart(fields);
+    let geometry = &first.run.geometry;
+    let stored = first.ways.each_ref().map(|h| -> Box<dyn Field + '_> {
+        match args.shading {
+            Shading::Flat => Box::new(FacetIrradiance(h)),
+            Shading::Linear => Box::new(LinearIrradiance::new(geometry, h)),
+        }
+    });
+    let ways = stored.each_ref().map(|field| &**field);
     let pass = TwoPassSettings { light_points: args.light_points, gather: args.gather };
-    let pass = TwoPass::new(&stage, stored, pass, classes)?;
+    let mut pass = TwoPass::new(&stage, Stored::Apart(ways), pass, classes)?;
+    let control = (args.gather > 0 && args.gather_tolerance > 0.0).then(|| {
+        let clock = Instant::now();
+        let elements = (geometry.elements(), &geometry.reflectance());
+        let control = Control::new(&stage, elements, ways, args.gather_tolerance, seed);
+        studio.look = Some(Look { control: control.clone(), seconds: clock.elapsed().as_secs_f64() });
+        control
+    });
+    if let Some(control) = &control {
+        pass = pass.controlled(control);
+    }
     studio.expose(&mut film, &stage, &view, |film| match of_surfaces {
         Some(quantity) => {
             false_colour::expose(quantity, (&stage, &view.camera), classes, seed, film, |place, _, h| {
-                false_colour::stored(fields, classes, place, h)
+                false_colour::stored(ways, classes, place, h)
             });
         }
         None => pass.expose(&view.camera, seed, film),
@@ -133,8 +149,15 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         "--reference".to_owned()
     } else {
         format!(
-            "{:?} on {:?}, bounces {:?} by {:?}, light points {}, gather {}",
-            strategy.method, strategy.mesh, args.specular_bounces, args.specular_by, args.light_points, args.gather
+            "{:?} on {:?}, bounces {:?} by {:?}, light points {}, gather {} above {}, {:?}",
+            strategy.method,
+            strategy.mesh,
+            args.specular_bounces,
+            args.specular_by,
+            args.light_points,
+            args.gather,
+            args.gather_tolerance,
+            args.shading
         )
     };
     // A film of B or H is another; one of errors is that of the picture.
@@ -178,6 +201,14 @@ struct Studio<'a> {
     /// How it is shown if not as it looks.
     colours: Option<FalseColours>,
     /// Time of all rounds of this run.
+    seconds: f64,
+    /// Where directions are gathered, unless everywhere or nowhere.
+    look: Option<Look>,
+}
+
+/// How elements that need a gather were found.
+struct Look {
+    control: Control,
     seconds: f64,
 }
 
@@ -289,6 +320,9 @@ impl Studio<'_> {
             "method": if args.reference { "path tracing" } else { "two passes" },
             "first_pass": first.map(first_json),
             "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
+            "gathering": self.look.as_ref().map(|look| json!({
+                "elements": look.control.count(), "seconds": look.seconds, "counts": output::cost(&look.control.cost),
+            })),
             "samples": samples(film),
             "noise": finite(film.noise()),
             "noise_met": self.good(film),
@@ -296,6 +330,10 @@ impl Studio<'_> {
             "scene": output::import(&imported.report),
         });
         let mut lines: Vec<String> = first.map(first_line).into_iter().collect();
+        lines.extend(self.look.as_ref().map(|look| {
+            let (count, rays) = (look.control.count(), look.control.cost.rays);
+            format!("gathering from {count} elements, found by {rays} rays in {:.3} s", look.seconds)
+        }));
         lines.push(format!(
             "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}{}",
             film.width,

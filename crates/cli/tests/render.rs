@@ -64,14 +64,18 @@ fn a_picture_that_goes_on_is_that_of_one_run() {
     assert!(folder.bytes("part.exr") == folder.bytes("whole.exr"));
     assert!(folder.bytes("part.film") == folder.bytes("whole.film"));
 
-    for (change, word) in
-        [("--seed 2", "--seed"), ("--paths LDE", "--paths"), ("--gather 1", "method"), ("--eye 1,1,1", "camera")]
-    {
+    for (change, word) in [
+        ("--seed 2", "--seed"),
+        ("--paths LDE", "--paths"),
+        ("--gather 1", "method"),
+        ("--shading flat", "method"),
+        ("--eye 1,1,1", "camera"),
+    ] {
         let ran = folder.run(&format!("{SMALL} {change} --state part.film --resume --output part.exr"));
         assert_eq!(ran.code, 2);
         assert!(ran.stderr.starts_with("error: part.film") && ran.stderr.contains(word), "{}", ran.stderr);
     }
-    folder.write("part.film", "radiosity film 1\n{}\n");
+    folder.write("part.film", "radiosity film 2\n{}\n");
     assert_eq!(folder.run(&format!("{SMALL} --state part.film --resume --output part.exr")).code, 2);
     assert!(folder.bytes("part.exr") == folder.bytes("whole.exr"), "a refusal leaves pictures as they were");
 }
@@ -147,6 +151,14 @@ fn json_counts_both_passes() {
     let specular = &object["first_pass"]["extended_form_factors"]["counts"]["rays"];
     assert!(specular.as_u64().unwrap() > 0);
 
+    // A look around of 9 × 64 rays an element, of which mirrors and glass make more.
+    let ran = folder.run(&format!("{small} --gather 1 --gather-tolerance 0.05 --output p.png"));
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let gathering = |key: &str| object["gathering"][key].as_u64().unwrap();
+    let elements = object["first_pass"]["elements"].as_u64().unwrap();
+    assert!(gathering("elements") > 0 && gathering("elements") < elements);
+    assert!(object["gathering"]["counts"]["rays"].as_u64().unwrap() > 0);
+
     // What was asked for and not reached is a failed check.
     let ran = folder.run(&format!("{SMALL} --samples 16 --output p.png").replace("--noise 0", "--noise 0.001"));
     assert_eq!((ran.code, ran.stderr.as_str()), (1, ""));
@@ -188,6 +200,8 @@ fn what_makes_no_picture_is_refused_in_one_sentence() {
         ("cube.obj --specular-bounces two --output out.png", "whole number, or any"),
         ("cube.obj --gather 4 --light-points 0 --output out.png", "one point on lights"),
         ("cube.obj --reference --gather 4 --output out.png", "cannot be used with"),
+        ("cube.obj --gather 4 --gather-tolerance 2 --output out.png", "[0, 1)"),
+        ("cube.obj --reference --shading flat --output out.png", "cannot be used with"),
         ("cube.obj --resume --output out.png", "--state"),
         ("cube.obj --resume --state no.film --output out.png", "no.film"),
         ("cube.obj --noise 1 --output out.png", "[0, 1)"),

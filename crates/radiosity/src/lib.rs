@@ -31,7 +31,7 @@ pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;
 pub use hierarchical::HierarchicalReport;
-pub use linear::LinearRadiosity;
+pub use linear::{LinearIrradiance, LinearRadiosity};
 pub use mend::{Repair, mend, mend_dense};
 pub use predict::{Alternative, Bytes, Change, Prediction, Size, admit, coarser, predict};
 pub use resolve::{Saving, Solved};
