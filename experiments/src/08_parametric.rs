@@ -219,12 +219,14 @@ fn next_elements(contender: &str, elements: usize) -> usize {
 }
 
 /// About what a contender's next mesh takes, in rays: a form factor of a pair counts one, a partly blocked one a hundred, a pixel of a
-/// hemicube a hundredth. Rows of rays and links grow like their elements, pairs like their square.
+/// hemicube a hundredth, and a form factor that near pairs correct in a hemicube's rows four. Rows of rays and links grow like their elements,
+/// pairs and entries like their square.
 fn next_work(contender: &str, cost: &Cost) -> u64 {
     match contender {
         "full" => 16 * (cost.form_factors + cost.rays + 100 * cost.partial_pairs),
         "hierarchical" => 4 * (cost.form_factors + cost.rays),
-        _ => 4 * (cost.rays + cost.hemicube_pixels / 100),
+        "patches-to-elements" => 64 * cost.form_factors + 4 * cost.hemicube_pixels / 100,
+        _ => 4 * cost.rays,
     }
 }
 

@@ -126,7 +126,9 @@ mod tests {
         let panels: Vec<Polygon> = (0..15).map(|k| panel(k % 5, k / 5)).collect();
         let walls = joined(&panels, 1e-9);
         assert_eq!(walls.len(), 1);
-        assert_eq!(walls[0].polygon.vertices(), rectangle([0.0, at(5)], [0.0, 0.7], 0.1).vertices());
+        let (wall, whole) = (&walls[0].polygon, rectangle([0.0, at(5)], [0.0, 0.7], 0.1));
+        assert_eq!((wall.vertices().len(), wall.bounds()), (4, whole.bounds()));
+        assert!((wall.area() - whole.area()).abs() < 1e-14 && wall.normal() == whole.normal());
         assert!((walls[0].part - 0.5 * (1.0_f64 + 0.49).sqrt() / 3.0).abs() < 1e-15);
     }
 
