@@ -68,15 +68,15 @@ impl Meshed {
         all
     }
 
-    /// Exchange areas of every element with every image of an element, in `room`, where both are.
-    fn seen(&self, room: &Scene, image: impl Fn(DVec3) -> DVec3, turns: bool) -> Vec<f64> {
+    /// Exchange areas of every element with every image of an element, mirrored at the planes of axes where `flip` is −1, in `room`, where both are.
+    fn seen(&self, room: &Scene, flip: DVec3) -> Vec<f64> {
         let blockers = Occluders::blocking(room);
         let analytic = Analytic::new(Some(&blockers)).partial_visibility(PARTIAL);
         let polygon = |k: usize| &self.elements.polygons(k)[0];
         let images: Vec<Polygon> = (0..self.elements.len())
             .map(|k| {
-                let mut vertices: Vec<DVec3> = polygon(k).vertices().iter().map(|v| image(*v)).collect();
-                if turns {
+                let mut vertices: Vec<DVec3> = polygon(k).vertices().iter().map(|v| *v * flip).collect();
+                if flip.element_product() < 0.0 {
                     vertices.reverse();
                 }
                 Polygon::new(&vertices).unwrap()
@@ -136,7 +136,7 @@ fn an_image_is_seen_as_through_a_hole_into_the_mirrored_room() {
     for room in [MirrorRoom::default(), MirrorRoom { mirror: 0.7, ..part }] {
         let meshed = Meshed::new(room.scene(), 3);
         let hole = opened(&meshed.scene, MirrorRoom::MIRROR);
-        let expected = meshed.seen(&hole, |v| DVec3::new(-v.x, v.y, v.z), true);
+        let expected = meshed.seen(&hole, DVec3::new(-1.0, 1.0, 1.0));
         let expected: Vec<f64> = expected.iter().map(|value| room.mirror * value).collect();
         for bounces in [ONCE, SpecularBounces::Any] {
             let found = meshed.images(bounces, 0);
@@ -157,14 +157,10 @@ fn two_mirrors_at_a_right_angle_show_three_rooms() {
     beside.surfaces.remove(2 + count);
     let four = opened(&beside, 2);
     let meshed = Meshed::new(scene, 2);
-    let flips: [(fn(DVec3) -> DVec3, bool); 3] = [
-        (|v| DVec3::new(-v.x, v.y, v.z), true),
-        (|v| DVec3::new(v.x, -v.y, v.z), true),
-        (|v| DVec3::new(-v.x, -v.y, v.z), false),
-    ];
+    let flips = [DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(-1.0, -1.0, 1.0)];
     let mut expected = vec![0.0; meshed.elements.len().pow(2)];
-    for (image, turns) in flips {
-        expected.iter_mut().zip(meshed.seen(&four, image, turns)).for_each(|(sum, value)| *sum += value);
+    for flip in flips {
+        expected.iter_mut().zip(meshed.seen(&four, flip)).for_each(|(sum, value)| *sum += value);
     }
     let images = Images::new(&meshed.scene, SpecularBounces::Any).unwrap();
     assert_eq!((images.chains(), images.colours()), (4, &[vec![1.0]][..]));

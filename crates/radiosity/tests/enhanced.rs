@@ -146,7 +146,7 @@ fn a_mirror_wall_of_the_cornell_box_throws_light_on_the_floor() {
         direct.irradiance(x, floor.normal(), numbers, value);
         let (a, b) = floor.frame();
         let local = cosine_direction([u[2], u[3]]);
-        let w = if k % 2 == 0 {
+        let w = if k.is_multiple_of(2) {
             (window.sample(u[2], u[3]) - x).normalize()
         } else {
             a * local.x + b * local.y + floor.normal() * local.z
