@@ -1,7 +1,7 @@
 //! What is stored as a control of the final gather: directions are gathered only where the mesh cannot hold what they would find.
 //!
 //! Let f(x, u) be what is stored where the direction of u ∈ [0, 1)² from x arrives, ρH of that surface, and h(x) what is stored at x itself. Directions are distributed like the
-//! cosine, so that a gather finds G(x) = ∫ f(x, u) du. Every facet looks around from K = 9 points x_k along M = 64 directions, one in each cell of a grid over
+//! cosine, so that a gather finds G(x) = ∫ f(x, u) du. Every facet looks around from K points x_k (9 of a quadrilateral) along M = 64 directions, one in each cell of a grid over
 //! [0, 1)², the same from all points,
 //!
 //! ```text
@@ -11,7 +11,7 @@
 //!
 //! with f̄ and h̄ the means over the points: the mean over a facet is the solution's, and only its shape is in question. As a control variate (Lafortune and Willems 1995), f̄ takes
 //! out whatever the points see alike, so that few directions tell what contacts and corners do. A facet of ρ r above a tolerance of the mean of ρH is gathered from; the others are shown
-//! as stored, and the picture is off by about the tolerance there. A facet whose light varies between the nine points alone goes unnoticed.
+//! as stored, and the picture is off by about the tolerance there. A facet whose light varies between its points alone goes unnoticed.
 //!
 //! Pixel by pixel the same control does not pay: with f̄ as a step function over the cells what one direction finds spreads 0.7 times as far in the
 //! Cornell box, which the even spread of a pixel's own directions gains as well, and no more than once.
@@ -36,11 +36,8 @@ const CELLS: usize = 8;
 /// Directions that a facet looks along.
 const DIRECTIONS: usize = CELLS * CELLS;
 
-/// Points along either side of a polygon.
-const SIDE: usize = 3;
-
-/// Points of a facet.
-const POINTS: usize = SIDE * SIDE;
+/// Where points lie between the middle of a polygon and its border: so that those of a rectangle are the middles of 3 × 3 cells.
+const OUTWARDS: f64 = 2.0 / 3.0;
 
 /// Facets from which directions are gathered.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -109,11 +106,11 @@ impl TwoPass<'_> {
         if reflectance.iter().all(|rho| *rho == 0.0) {
             return Look { square: 0.0, level: 0.0, cost: Cost::default() };
         }
-        let at = |k: usize| (k as f64 + 0.5) / SIDE as f64;
-        let points: [DVec3; POINTS] = std::array::from_fn(|k| polygon.sample(at(k % SIDE), at(k / SIDE)));
+        let points = points(polygon);
+        let count = points.len();
         // Σ over directions of f − f̄, and over pairs of neighbouring cells of the square of what these differ by; by points and bands.
-        let mut sums = vec![[0.0; 2]; POINTS * bands];
-        let (mut found, mut before, mut cost) = (vec![0.0; POINTS * bands], vec![0.0; POINTS * bands], Cost::default());
+        let mut sums = vec![[0.0; 2]; count * bands];
+        let (mut found, mut before, mut cost) = (vec![0.0; count * bands], vec![0.0; count * bands], Cost::default());
         for c in 0..DIRECTIONS {
             let numbers = mix(seed ^ c as u64);
             let within = |cell: usize, k: u64| (cell as f64 + uniform(mix(numbers ^ k))) / CELLS as f64;
@@ -123,7 +120,7 @@ impl TwoPass<'_> {
                 cost += self.found(*point, direction, &mut Numbers::new(numbers, 0), f);
             }
             for b in 0..bands {
-                let mean = found.iter().skip(b).step_by(bands).sum::<f64>() / POINTS as f64;
+                let mean = found.iter().skip(b).step_by(bands).sum::<f64>() / count as f64;
                 found.iter_mut().skip(b).step_by(bands).for_each(|f| *f -= mean);
             }
             for (([sum, squares], f), before) in sums.iter_mut().zip(&found).zip(&before) {
@@ -133,20 +130,20 @@ impl TwoPass<'_> {
             std::mem::swap(&mut found, &mut before);
         }
         // What is stored of what a gather finds, and all of it.
-        let (mut stored, mut level) = (vec![0.0; POINTS * bands], vec![0.0; bands]);
+        let (mut stored, mut level) = (vec![0.0; count * bands], vec![0.0; bands]);
         for (point, h) in points.iter().zip(stored.chunks_exact_mut(bands)) {
             self.add_stored(facet, *point, h, |way| GATHERED.contains(&way));
             self.add_stored(facet, *point, &mut level, |_| true);
         }
         let m = DIRECTIONS as f64;
         let square_of = |b: usize| {
-            let mean = stored.iter().skip(b).step_by(bands).sum::<f64>() / POINTS as f64;
+            let mean = stored.iter().skip(b).step_by(bands).sum::<f64>() / count as f64;
             let pairs = sums.iter().zip(&stored).skip(b).step_by(bands);
             let square = |([sum, squares], h): (&[f64; 2], &f64)| (sum / m - (h - mean)).powi(2) - squares / (m * m);
-            pairs.map(square).sum::<f64>() / POINTS as f64
+            pairs.map(square).sum::<f64>() / count as f64
         };
         let square = (0..bands).map(|b| reflectance[b].powi(2) * square_of(b)).sum();
-        let level = reflectance.iter().zip(&level).map(|(rho, h)| rho * h).sum::<f64>() / POINTS as f64;
+        let level = reflectance.iter().zip(&level).map(|(rho, h)| rho * h).sum::<f64>() / count as f64;
         Look { square, level, cost }
     }
 
@@ -160,6 +157,13 @@ impl TwoPass<'_> {
             Cost::default()
         })
     }
+}
+
+/// The middle of a polygon, and points towards each vertex and the middle of each edge.
+fn points(polygon: &Polygon) -> Vec<DVec3> {
+    let middle = polygon.centroid();
+    let border = polygon.edges().flat_map(|(a, b)| [a, a.midpoint(b)]);
+    std::iter::once(middle).chain(border.map(|p| middle.lerp(p, OUTWARDS))).collect()
 }
 
 /// The ways that a gather finds: the others begin at lights.
