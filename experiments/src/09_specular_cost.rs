@@ -123,7 +123,7 @@ struct Known {
 impl Known {
     fn of(name: &str, scene: &Scene, profile: Profile) -> Result<Self, Box<dyn Error>> {
         let (side, rounds, paths, k) = reference(profile);
-        let irradiance = if name == "mirror" { through_the_hole(scene, k)? } else { by_paths(scene, paths)? };
+        let irradiance = if has_hole(name) { through_the_hole(scene, k)? } else { by_paths(scene, paths)? };
         // Through the hole all light can be drawn, and noise is less.
         let seen = if has_hole(name) { opened(scene, MirrorRoom::MIRROR) } else { scene.clone() };
         let occluders = Occluders::of_scene(&seen);
