@@ -74,7 +74,7 @@ fn passes(profile: Profile) -> (u32, Vec<(u32, u32)>) {
 
 /// Pixels along an edge of the picture, rounds of its reference, paths of a cell of the glossy room, and elements along an edge of a face of the mirrored room.
 fn reference(profile: Profile) -> (u32, u32, u64, u32) {
-    profile.pick((12, 4, 64, 4), (32, 24, 1024, 8), (64, 192, 8192, 12))
+    profile.pick((12, 4, 64, 4), (32, 24, 1024, 8), (64, 64, 8192, 12))
 }
 
 /// Rounds of a picture of look-ups: noise of edges is all there is.
@@ -154,7 +154,7 @@ fn diffuse(grid: GridValues) -> GridValues {
     grid.on(&others)
 }
 
-/// Exact pairs in the room whose mirror is a hole, on `k` × `k` elements a face; the error is the difference from half as many along an edge, which is more.
+/// Exact pairs in the room whose mirror is a hole, on `k` × `k` elements a face; the error is the difference from those of a coarser mesh that nests in the cells too, which is more.
 fn through_the_hole(scene: &Scene, k: u32) -> Result<(GridValues, f64), Box<dyn Error>> {
     let hole = opened(scene, MirrorRoom::MIRROR);
     // Surfaces of the room follow its mirror, which is surface 0; then come those of its image.
@@ -165,7 +165,8 @@ fn through_the_hole(scene: &Scene, k: u32) -> Result<(GridValues, f64), Box<dyn 
         Ok(GridValues::means(&run.geometry, &run.solution.irradiance, CELLS)?.on(&near))
     };
     let mut fine = cells(k)?;
-    let error = cells(k / 2)?.error(&fine).rms;
+    let coarser = if k > 2 * CELLS { k - CELLS } else { k / 2 };
+    let error = cells(coarser)?.error(&fine).rms;
     fine.surfaces.iter_mut().for_each(|s| *s += 1);
     Ok((fine, error))
 }
