@@ -5,8 +5,8 @@
 //! Unknowns grow like n·K and what a glossy surface does like K², while two passes store no direction: their cost is that of rays. Measured in a closed room 3 × 2 × 2.5 with
 //! a block and one shining wall: a perfect mirror or a glossy lobe (Phong, n = 40) under a ceiling that shines all over, which is kind to bins, and the mirror under a lamp of a seventeenth of its
 //! area. Irradiance over 4 × 4 cells a face, against exact pairs through a hole into the mirrored room, in the glossy room against path tracing; a picture of the shining wall
-//! against path tracing, of the mirror through the hole, rms over pixels relative to their mean. All runs of specular radiosity cast equally many rays, so
-//! that bins and elements are what differs; their noise is where curves over K level off. Two passes sample lights and gather, with 0, 1 or any number of specular bounces in the
+//! against path tracing, of the mirror through the hole, rms over pixels relative to their mean. All runs of specular radiosity cast
+//! as many rays, as long as that is one a bin at least, so that bins and elements are what differs; their noise is where curves over K level off. Two passes sample lights and gather, with 0, 1 or any number of specular bounces in the
 //! first pass (a flat wall is not met twice in a row, so one bounce is as good as any here), and get finer in rays of both passes alike. Read: error at equal time, and at equal memory. Not shown: bins that adapt; further cameras, which cost two passes another second
 //! pass and specular radiosity nothing but look-ups.
 
@@ -62,7 +62,7 @@ fn meshes(profile: Profile) -> Vec<(u32, Vec<u32>)> {
     )
 }
 
-/// Rays along the edge of the square of all directions of an element, times elements along an edge: the same number of rays for all.
+/// Rays along the edge of the square of all directions of an element, times elements along an edge: the same number of rays for all whose bins are not more.
 fn rays_and_elements(profile: Profile) -> u32 {
     profile.pick(64, 256, 512)
 }
@@ -316,16 +316,16 @@ impl Experiment for SpecularCost {
         let sizes: usize = meshes.iter().map(|(_, edges)| edges.len()).sum();
         context.begin(SCENES.len() * (1 + sizes + TWO_PASS.len() * passes(profile).1.len()));
         for name in SCENES {
-            let scene = room(name);
+            let (scene, slug) = (room(name), name.replace(", ", "-"));
             let known = Known::of(name, &scene, profile)?;
-            show(context, &format!("{name}-reference"), &format!("{name}: path tracing"), side, &known.picture.0)?;
+            show(context, &format!("{slug}-reference"), &format!("{name}: path tracing"), side, &known.picture.0)?;
             context.tick(format!("{name}, references"));
             let of = (name, &scene, &known);
             for (k, edges) in &meshes {
                 for &edge in edges {
                     let (record, film) = directions(of, (*k, edge), profile)?;
                     context.record(record);
-                    let (file, bins) = (format!("{name}-{k}-{}", edge * edge), edge * edge);
+                    let (file, bins) = (format!("{slug}-{k}-{}", edge * edge), edge * edge);
                     let caption = format!("{name}: {DIRECTIONS}, {k} × {k} elements a face, {bins} directions");
                     if edge == edges[0] || Some(&edge) == edges.last() {
                         show(context, &file, &caption, side, &film.means())?;
@@ -339,7 +339,7 @@ impl Experiment for SpecularCost {
                     context.record(record);
                     let caption = format!("{name}: {}, {} rays a row", method.0, pass.0);
                     if method.1 == SpecularBounces::Any && Some(&pass) == passes(profile).1.last() {
-                        show(context, &format!("{name}-two-pass"), &caption, side, &film.means())?;
+                        show(context, &format!("{slug}-two-pass"), &caption, side, &film.means())?;
                     }
                     context.tick(caption);
                 }
@@ -390,7 +390,7 @@ impl Experiment for SpecularCost {
                 ("error", share("error over cells")),
                 true,
             )
-            .caption("rms over 4 × 4 cells a face. All marks of specular radiosity cast the same number of rays: where lines stand upright, more directions change nothing but their cost."),
+            .caption("rms over 4 × 4 cells a face. Marks of specular radiosity cast the same number of rays until bins outnumber them: lines stand upright until then."),
             figure(
                 "picture-unknowns",
                 "Error of a picture against unknowns",
@@ -465,7 +465,7 @@ impl Experiment for SpecularCost {
                     "not at all".to_owned()
                 };
                 reading.push(format!(
-                    "{scene}: irradiance is at {} with {} directions in {}, and more of them do not help; two passes get there {other}.",
+                    "{scene}: irradiance is within a quarter of its best, at {}, from {} directions on and in {}; two passes get there {other}.",
                     numbers::percent(first.number("error")),
                     numbers::grouped(first.number("directions") as i64),
                     numbers::seconds(first.seconds("time")),
