@@ -58,7 +58,7 @@ fn meshes(profile: Profile) -> Vec<(u32, Vec<u32>)> {
     profile.pick(
         vec![(2, vec![2, 8])],
         vec![(4, vec![4, 16]), (8, vec![8, 32])],
-        vec![(4, vec![4, 8, 16, 32, 64]), (8, vec![4, 8, 16, 32, 64, 96]), (16, vec![8, 16, 32, 64])],
+        vec![(4, vec![4, 8, 16, 32, 64]), (8, vec![4, 8, 16, 32, 64]), (16, vec![8, 16, 32, 64])],
     )
 }
 
@@ -69,7 +69,7 @@ fn rays_and_elements(profile: Profile) -> u32 {
 
 /// Of two passes: elements along an edge of a face; rays of every row, and rounds of the picture.
 fn passes(profile: Profile) -> (u32, Vec<(u32, u32)>) {
-    profile.pick((2, vec![(64, 1)]), (8, vec![(64, 1), (512, 4)]), (8, vec![(64, 1), (256, 2), (1024, 8), (4096, 32)]))
+    profile.pick((2, vec![(64, 1)]), (8, vec![(64, 1), (512, 4)]), (8, vec![(64, 1), (256, 2), (1024, 8), (4096, 20)]))
 }
 
 /// Pixels along an edge of the picture, rounds of its reference, paths of a cell of the glossy room, and elements along an edge of a face of the mirrored room.
