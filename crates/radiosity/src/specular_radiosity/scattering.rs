@@ -326,8 +326,8 @@ mod tests {
                         assert!((leaving / bins.projected(k) - albedo).abs() < 1e-12, "{name}, bin {k}: {leaving}");
                         let furnace: f64 = m.iter().map(|column| column[k]).sum();
                         assert!((furnace - albedo).abs() < 1e-12, "{name}, bin {k}: {furnace}, {albedo}");
-                        for o in 0..k {
-                            let (there, back) = (m[k][o] * bins.projected(o), m[o][k] * bins.projected(k));
+                        for (o, column) in m[..k].iter().enumerate() {
+                            let (there, back) = (m[k][o] * bins.projected(o), column[k] * bins.projected(k));
                             assert!((there - back).abs() <= 1e-12 * there.max(back), "{name}: {there}, {back}");
                         }
                     }
