@@ -202,13 +202,16 @@ impl Field for Dark {
     fn add(&self, _: u32, _: DVec3, _: f64, _: &mut [f64]) {}
 }
 
+/// Takes another round of a picture.
+pub type Round<'a> = dyn Fn(&mut Film) + 'a;
+
 /// Hands `work` what takes a round of a way's picture.
 pub fn with_pass(
     way: Way,
     (scene, first): (&Scene, Option<&EnhancedRun<'_>>),
     classes: PathClasses,
     camera: &Camera,
-    work: &mut dyn FnMut(&dyn Fn(&mut Film)),
+    work: &mut dyn FnMut(&Round<'_>),
 ) -> Result<(), Box<dyn Error>> {
     let alone;
     let (scene, occluders) = match first {
