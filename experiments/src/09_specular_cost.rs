@@ -8,7 +8,7 @@
 //! against path tracing, of the mirror through the hole, rms over pixels relative to their mean. All runs of specular radiosity cast
 //! as many rays, as long as that is one a bin at least, so that bins and elements are what differs; their noise is where curves over K level off. Two passes sample lights and gather, with 0, 1 or any number of specular bounces in the
 //! first pass (a flat wall is not met twice in a row, so one bounce is as good as any here), and get finer in rays of both passes alike;
-//! points drawn on a large light that touches a wall throw sparks there, which is what their pictures of gloss err by. Read: error at equal time, and at equal memory. Not shown: bins that adapt; further cameras, which cost two passes another second
+//! their pictures of the glossy wall have sparks next to the ceiling, which lead its error. Read: error at equal time, and at equal memory. Not shown: bins that adapt; further cameras, which cost two passes another second
 //! pass and specular radiosity nothing but look-ups.
 
 use std::error::Error;
