@@ -77,7 +77,7 @@ fn reference_rounds(profile: Profile) -> u64 {
 
 /// Rays of a row of straight form factors, and of one by way of specular surfaces.
 fn rays(profile: Profile) -> (u32, u32) {
-    profile.pick((64, 64), (512, 1024), (1024, 4096))
+    profile.pick((64, 64), (512, 1024), (1024, 2048))
 }
 
 /// What takes a picture.
