@@ -14,6 +14,7 @@
 //! | [`sphere()`] | volume | curved mirrors and glass |
 //! | [`crowded_room()`] | that nothing leaves | many blockers |
 //! | [`city()`] | areas | many facets of which most are hidden |
+//! | [`rooms`] | what a solution can leave out | omissions |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
 //! | [`bright_room()`] | B in twice the working precision | counts of products at any size |
 //! | [`conformance()`] | what any store must do | stores |
@@ -35,6 +36,7 @@ pub mod mirror;
 pub mod quadrature;
 mod random_enclosure;
 pub mod rectangles;
+pub mod rooms;
 mod sphere;
 mod stiff;
 
