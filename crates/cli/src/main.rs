@@ -11,6 +11,7 @@ mod from_point;
 mod inspect;
 mod memory;
 mod output;
+mod plan;
 mod render;
 mod saved;
 mod scene;
