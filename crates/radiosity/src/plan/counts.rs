@@ -117,8 +117,7 @@ impl Plan {
             blocking.clone(),
         );
         let unlit = Self { roles: only(&[Role::Blocks, Role::Dark]), ..blocking };
-        let rooms = dark_rooms(self);
-        let what = format!("{dark} faces in {rooms} rooms without light");
+        let what = format!("{dark} faces");
         stage("no light reaches them: 0", some(dark, what), unlit.clone());
         let parted = Self { room: self.room.clone(), ..unlit };
         let what = format!("form factors between {} rooms", self.rooms());
@@ -141,15 +140,6 @@ impl Plan {
         let (first, last) = (counts[0], counts[counts.len() - 1]);
         Savings { list: list.collect(), predicted: first.less(last), measured: None, everything: first }
     }
-}
-
-/// Rooms with dark surfaces.
-fn dark_rooms(plan: &Plan) -> usize {
-    let dark = plan.roles.iter().zip(&plan.room).filter(|(role, _)| **role == Role::Dark);
-    let mut rooms: Vec<u32> = dark.map(|(_, &room)| room).collect();
-    rooms.sort_unstable();
-    rooms.dedup();
-    rooms.len()
 }
 
 /// Bands that are 0, and those that follow from others.

@@ -5,8 +5,8 @@
 
 use std::time::{Duration, Instant};
 
-use radiosity_core::{BandValues, Bands, Certificate, Cost, Form, FormFactors, Observer, Outcome, Solution};
-use radiosity_form_factors::stores::{DiagonalBlocks, Keep, OnDemand};
+use radiosity_core::{BandValues, Bands, Certificate, Cost, Form, FormFactors as _, Observer, Outcome, Solution};
+use radiosity_form_factors::stores::{DiagonalBlocks, Keep, OnDemand, Part};
 use radiosity_form_factors::{Numbers, PairwiseRows, Rows, SelectedRows};
 use radiosity_geometry::Facets;
 
@@ -14,6 +14,9 @@ use super::{Band, BandPlan, Plan, Role};
 use crate::estimate::{analytic, ends};
 use crate::run::{Check, Known, Made, fill_checked, solve_stored, unblocked};
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
+
+/// Elements on the surfaces that a test picks, ascending.
+type Chosen<'a> = dyn Fn(&dyn Fn(usize) -> bool) -> Vec<u32> + 'a;
 
 /// What takes part in a system, by its numbers among all that is exposed, ascending.
 struct Selection {
@@ -125,7 +128,7 @@ fn solve_part(
     whole: &Geometry<'_>,
     (part, all): (&Geometry<'_>, &Selection),
     strategy: &Strategy,
-    chosen: &dyn Fn(&dyn Fn(usize) -> bool) -> Vec<u32>,
+    chosen: &Chosen<'_>,
     observer: &mut dyn Observer,
 ) -> Result<Made, RunError> {
     let form = strategy.shape.form();
@@ -143,7 +146,7 @@ fn solve_part(
     };
     let systems: Vec<(Geometry<'_>, Selection)> = rooms.into_iter().map(of_room).collect();
     let mut form_factors = Phase::default();
-    let mut blocks: Vec<(Box<dyn FormFactors + '_>, Vec<u32>, Vec<u32>)> = Vec::new();
+    let mut blocks: Vec<Part<'_>> = Vec::new();
     let [all_sources, all_targets] = all.ends(form);
     for (own, selection) in &systems {
         let rows = selected_rows(whole, (own, selection), None, strategy)?;
