@@ -3,6 +3,7 @@
 use radiosity::plan::{Off, Role};
 use radiosity::{Method, Plan, Run, Shape, Store, Strategy, run};
 use radiosity_core::{BandValues, Outcome};
+use radiosity_gallery::boxes::material;
 use radiosity_gallery::rooms::{black_floor, grey_room, one_room, two_rooms};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
@@ -67,6 +68,21 @@ fn bands_of_one_colour_are_solved_once_and_dark_ones_not_at_all() {
         assert_eq!(planned.solution.cost.entries, whole.solution.cost.entries);
         let third = whole.solution.cost.flops as f64 / 3.0;
         assert!((planned.solution.cost.flops as f64 / third - 1.0).abs() < 0.01);
+    }
+}
+
+/// The counts of a grey room in three bands are those of a library call on one band, and so is the answer.
+#[test]
+fn a_grey_room_costs_what_one_band_alone_does() {
+    let grey = grey_room([3.0; 3]);
+    let materials = vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 3.0)];
+    let one_band = Scene { surfaces: grey.surfaces.clone(), materials };
+    let planned = run(&grey, &strategy(Method::ANALYTIC), &mut ()).unwrap();
+    let by_hand = Strategy { keep_everything: true, ..strategy(Method::ANALYTIC) };
+    let alone = run(&one_band, &by_hand, &mut ()).unwrap();
+    assert_eq!((planned.cost(), planned.solution.steps), (alone.cost(), alone.solution.steps));
+    for b in 0..3 {
+        assert_eq!(planned.solution.radiosity.band(b), alone.solution.radiosity.band(0));
     }
 }
 
