@@ -4,17 +4,21 @@
 //! form grow like m², under fixed patches like m; rays find a number of targets a row that m hardly changes; adaptive
 //! meshes put elements where they count; links join groups, so that their number grows like m or slower. Measured on the Cornell
 //! box (reference: a much finer run) and on generated cities, whose facets are the elements, of up to 22,745 facets
-//! (reference: rows of many more rays). Read: slopes; a line ends where a strategy's time or memory did. Memory is that of
-//! form factors or links, as counted by the store. Not shown: the memory of the mesh; errors of
+//! (reference: rows of many more rays). Rooms of 0 to 256 boxes show links alone, as surfaces and blockers grow. Read: slopes; a line ends
+//! where a strategy's time or memory did. Memory is that of form factors or links, as counted by the store. Not shown: the memory of the mesh; errors of
 //! a city beyond those of sampling, since its facets are the elements.
 
 use std::error::Error;
 
-use radiosity::{Adaptive, ErrorMeasure, Goal, GridValues, Method, Run, Shape, Store, Strategy, run_adaptive};
+use radiosity::{
+    Adaptive, DirectLight, ErrorMeasure, Goal, GridValues, LINK_ERROR, Method, Run, Shape, Store, Strategy,
+    run_adaptive,
+};
 use radiosity_core::BandValues;
-use radiosity_experiments::{Context, Experiment, Profile, Record, SeriesOfRows, Tables, group_by};
-use radiosity_gallery::city;
+use radiosity_experiments::{Context, Experiment, Profile, Record, Row, SeriesOfRows, Tables, group_by};
+use radiosity_gallery::{city, crowded_room};
 use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::{Occluders, Scene};
 use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
@@ -48,6 +52,14 @@ fn cities(profile: Profile) -> (Vec<u32>, Vec<u32>) {
     )
 }
 
+/// Boxes in the rooms of which links are counted, and the longest edge of an element.
+fn rooms(profile: Profile) -> (Vec<u32>, f64) {
+    profile.pick((vec![1], 1.0), (vec![0, 16, 64], 0.5), (vec![0, 4, 16, 64, 256], 0.25))
+}
+
+/// Error asked of links in a city, for 1 %: among so many blockers they err by up to a fifth more than they estimate.
+const CITY_LINK_ERROR: f64 = 0.009;
+
 const STRATEGIES: [&str; 4] = ["full", "elements-to-patches", "rays+emitters", "hierarchical"];
 
 fn strategy(name: &str, k: u32) -> Strategy {
@@ -65,16 +77,29 @@ fn strategy(name: &str, k: u32) -> Strategy {
     }
 }
 
+/// Links to an estimated error among whatever blocks in a scene.
+fn by_links(scene: &Scene, elements: Subdivision, error: f64) -> Strategy {
+    let store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
+    let method = Method::of_links_among(Occluders::blocking(scene).len());
+    let plain = Strategy::new(elements, method);
+    Strategy { store, solver: "jacobi".to_owned(), unshot: 1e-3, verify: false, ..plain }
+}
+
 fn line(key: String, name: &str, run: &Run<'_>, error: &ErrorMeasure, reference_error: f64) -> Record {
+    described(key, name, run)
+        .float("error", error.rms)
+        .float("worst_cell", error.worst)
+        .float("reference_error", reference_error)
+}
+
+/// What a run took.
+fn described(key: String, name: &str, run: &Run<'_>) -> Record {
     counts(Record::new(key), &run.cost())
         .text("form", name)
         .text("outcome", run.solution.outcome)
         .int("elements", run.geometry.elements().len())
         .int("stored_bytes", run.stored_bytes)
         .int("links", run.hierarchical.as_ref().map_or(0, |links| links.links))
-        .float("error", error.rms)
-        .float("worst_cell", error.worst)
-        .float("reference_error", reference_error)
         .seconds("time", run.seconds())
 }
 
@@ -95,7 +120,7 @@ impl Experiment for Scale {
         let of = |name: &&str| serde_json::json!([name, sizes(profile, name)]);
         serde_json::json!({
             "sizes": STRATEGIES.iter().map(of).collect::<Vec<_>>(), "tolerances": tolerances(profile),
-            "cities": cities(profile), "unshot": 1e-3, "seed": 1
+            "cities": cities(profile), "city_link_error": CITY_LINK_ERROR, "rooms": rooms(profile), "unshot": 1e-3, "seed": 1
         })
     }
 
@@ -103,7 +128,7 @@ impl Experiment for Scale {
         let profile = context.profile();
         let (blocks, rays) = cities(profile);
         let boxes: usize = STRATEGIES.iter().map(|name| sizes(profile, name).len()).sum();
-        context.begin(boxes + tolerances(profile).len() + blocks.len() * (rays.len() + 1));
+        context.begin(boxes + tolerances(profile).len() + blocks.len() * (rays.len() + 1) + rooms(profile).0.len());
         let scene = cornell()?;
         let truth = cornell_truth(context, &scene)?;
         for name in STRATEGIES {
@@ -135,9 +160,7 @@ impl Experiment for Scale {
                 runs.push((rays, grid(&run), run));
                 context.tick(format!("city of {} facets, {rays} rays", scene.surfaces.len()));
             }
-            let plain = strategy("hierarchical", 1);
-            let method = Method::of_links_among(scene.surfaces.len());
-            let links = radiosity::run(&scene, &Strategy { method, ..plain }, &mut ())?;
+            let links = radiosity::run(&scene, &by_links(&scene, Subdivision::Uniform(1), CITY_LINK_ERROR), &mut ())?;
             context.tick(format!("city of {} facets, links", scene.surfaces.len()));
             let Some((_, truth, _)) = runs.last() else { continue };
             // The error of rays falls at least like the root of their number, which quadruples: the reference errs half as much.
@@ -150,6 +173,14 @@ impl Experiment for Scale {
             let error = grid(&links).error(truth);
             let record = line(format!("city/{blocks}/links"), "hierarchical", &links, &error, reference_error);
             context.record(record.text("scene", "city").text("city_by", "links"));
+        }
+        let (boxes, edge) = rooms(profile);
+        for boxes in boxes {
+            let scene = crowded_room(boxes, 1);
+            let run = radiosity::run(&scene, &by_links(&scene, Subdivision::EdgeLength(edge), LINK_ERROR), &mut ())?;
+            let record = described(format!("crowded room/{boxes}/links"), "hierarchical", &run);
+            context.record(record.text("scene", "crowded room").int("boxes", boxes as usize));
+            context.tick(format!("room of {boxes} boxes, links"));
         }
         Ok(())
     }
@@ -232,6 +263,18 @@ impl Experiment for Scale {
                 (first.number("stored_bytes") / 1e6).round()
             ));
         }
+        let a_facet = |rows: Vec<Row<'_>>, of: &str| {
+            let each =
+                rows.iter().map(|r| format!("{:.0} ({})", r.number("links") / r.number("elements"), r.number(of)));
+            each.collect::<Vec<_>>().join(", ")
+        };
+        let by_links =
+            |scene: &'static str| tables.select(move |r| r.text("scene") == scene && r.text("form") == "hierarchical");
+        reading.push(format!(
+            "Links an element: {} in cities (of so many facets), {} in rooms (of so many boxes); all pairs would be half as many as elements.",
+            a_facet(by_links("city"), "elements"),
+            a_facet(by_links("crowded room"), "boxes")
+        ));
         reading
     }
 }

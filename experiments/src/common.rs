@@ -36,14 +36,23 @@ pub fn with_reflectance(scene: &Scene, factor: f64) -> Scene {
 
 /// The reference of the Cornell box, kept beside the results so that experiments share it.
 pub fn cornell_truth(context: &Context, scene: &Scene) -> Result<Truth, Box<dyn Error>> {
-    let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     // Longest edge of an element, in the box's millimetres.
     let length = context.profile().pick(35.0, 28.0, 10.0);
-    let file = folder.join(format!("cornell-pairs-{length}.csv"));
+    kept(context, &format!("cornell-pairs-{length}"), || nested_pairs_truth(scene, length, GRID))
+}
+
+/// The reference of that name beside the results, or else the one that `make` gives, which is kept there.
+pub fn kept(
+    context: &Context,
+    name: &str,
+    make: impl FnOnce() -> Result<Truth, Box<dyn Error>>,
+) -> Result<Truth, Box<dyn Error>> {
+    let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
+    let file = folder.join(format!("{name}.csv"));
     match read_truth(&file) {
         Ok(known) => Ok(known),
         Err(_) => {
-            let known = nested_pairs_truth(scene, length, GRID)?;
+            let known = make()?;
             std::fs::create_dir_all(&folder)?;
             write_truth(&file, &known)?;
             Ok(known)

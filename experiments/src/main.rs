@@ -1,6 +1,7 @@
 //! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
 
 mod changes;
+mod classes;
 mod common;
 #[path = "03_form_factors.rs"]
 mod form_factors;
@@ -15,11 +16,15 @@ mod progressive;
 mod scale;
 #[path = "04_solvers.rs"]
 mod solvers;
+#[path = "09_specular_cost.rs"]
+mod specular_cost;
 #[path = "06_stability.rs"]
 mod stability;
 #[path = "02_substructuring.rs"]
 mod substructuring;
 mod truth;
+#[path = "10_two_pass.rs"]
+mod two_pass;
 
 use std::process::ExitCode;
 
@@ -35,6 +40,8 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &stability::Stability,
     &scale::Scale,
     &parametric::Parametric,
+    &specular_cost::SpecularCost,
+    &two_pass::TwoPasses,
 ];
 
 fn main() -> ExitCode {

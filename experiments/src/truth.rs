@@ -220,6 +220,21 @@ pub fn nested_pairs_truth(scene: &Scene, length: f64, cells: u32) -> Result<Trut
     against_coarser(scene, (&strategy(length), &strategy(2.0 * length)), cells)
 }
 
+/// The reference of a scene in which hundreds of surfaces block: rows of `rays` rays and exact emitters on elements that nest as in
+/// [`nested_pairs_truth`], against twice the length and half the rays of another seed.
+///
+/// # Errors
+///
+/// As [`radiosity::run`].
+pub fn nested_rays_truth(scene: &Scene, length: f64, rays: u32, cells: u32) -> Result<Truth, Box<dyn Error>> {
+    let strategy = |length, rays, seed| {
+        let mut strategy = Strategy::new(Subdivision::EdgeLength(length), Method::RaysAndEmitters { rays });
+        strategy.mesh.patches = Some(Subdivision::Uniform(cells));
+        Strategy { contact_level: 1, store: Store::Sparse, unshot: 1e-5, verify: false, seed, ..strategy }
+    };
+    against_coarser(scene, (&strategy(length, rays, 1), &strategy(2.0 * length, rays / 2, 2)), cells)
+}
+
 /// The irradiance of the first strategy, and the difference of the second from it.
 fn against_coarser(scene: &Scene, (fine, coarse): (&Strategy, &Strategy), cells: u32) -> Result<Truth, Box<dyn Error>> {
     let grid = |strategy: &Strategy| -> Result<GridValues, Box<dyn Error>> {

@@ -4,10 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
-use radiosity::{Method, Store};
+use radiosity::{Method, SpecularBy, Store};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_render::{PathClass, Tone};
+
+use crate::false_colour::FalseColourArgs;
+use crate::solve::SPECULAR_RAYS;
 
 /// Radiosity: form factors, solutions, pictures, comparisons.
 #[derive(Debug, Parser)]
@@ -173,6 +176,24 @@ impl Estimator {
     }
 }
 
+/// Ways to form factors by way of specular surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SpecularName {
+    /// By 4,096 rays a row: any specular surface.
+    Rays,
+    /// By mirror images: ideal mirrors alone, exactly; any number of bounces only where mirrors do not face each other.
+    Images,
+}
+
+impl From<SpecularName> for SpecularBy {
+    fn from(name: SpecularName) -> Self {
+        match name {
+            SpecularName::Rays => Self::Rays(SPECULAR_RAYS),
+            SpecularName::Images => Self::Images,
+        }
+    }
+}
+
 /// Stores by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StoreName {
@@ -320,7 +341,7 @@ pub struct SolveArgs {
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
-    /// Specular surfaces in a row that light may take between diffuse ones: 0, 1, …, any; by rays, 4,096 a row.
+    /// Specular surfaces in a row that light may take between diffuse ones: 0, 1, …, any.
     #[arg(
         long,
         value_name = "N",
@@ -329,6 +350,9 @@ pub struct SolveArgs {
         conflicts_with_all = ["form_factors", "after", "tolerance"]
     )]
     pub specular_bounces: SpecularBounces,
+    /// How form factors by way of specular surfaces are found.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "rays")]
+    pub specular_by: SpecularName,
     /// Solver: direct, direct-f32, jacobi, gauss-seidel, sor, chebyshev, cg, deflated-cg, gmres, shooting, overshooting, stochastic, or
     /// hierarchical, which is cg on the hierarchical store.
     #[arg(long, value_name = "NAME")]
@@ -388,16 +412,27 @@ pub struct RenderArgs {
     /// Specular surfaces in a row that light may take between diffuse ones in the first pass: 0, 1, …, any.
     #[arg(long, value_name = "N", default_value = "any", value_parser = bounces)]
     pub specular_bounces: SpecularBounces,
+    /// How form factors by way of specular surfaces are found.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "rays")]
+    pub specular_by: SpecularName,
     /// Points drawn on lights wherever a diffuse surface is seen; 0 shows direct light as the mesh holds it.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub light_points: u32,
     /// Directions gathered wherever a diffuse surface is seen; 0 shows indirect light as the mesh holds it.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub gather: u32,
+    /// Gather only from elements that are off by more than this share of the mean reflected radiosity, by a look around from each; 0 gathers everywhere.
+    #[arg(long, value_name = "T", default_value_t = 0.02, value_parser = share)]
+    pub gather_tolerance: f64,
+    /// What the mesh holds between its values.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "linear")]
+    pub shading: Shading,
     /// Trace paths from the eye to the lights instead: no mesh, no error but noise.
     #[arg(
         long,
-        conflicts_with_all = ["subdivide", "element_size", "patch_subdivide", "specular_bounces", "light_points", "gather"]
+        conflicts_with_all = [
+            "subdivide", "element_size", "patch_subdivide", "specular_bounces", "specular_by", "light_points", "gather", "gather_tolerance", "shading",
+        ]
     )]
     pub reference: bool,
     /// Show light of these classes of paths alone: LE, LSE, LDE, LDSE, LSDE, LSDSE, LDDE, LDDSE, LDSDE, LDSDSE, by commas.
@@ -413,6 +448,9 @@ pub struct RenderArgs {
     /// How a PNG shows brightness.
     #[arg(long, value_name = "NAME", value_enum, default_value = "clamp")]
     pub tone: ToneName,
+    /// Numbers instead of colours.
+    #[command(flatten)]
+    pub false_colours: FalseColourArgs,
     /// Radiosity shown as white in a PNG, in W/m²; what 2 % of the pixels that show no light exceed if not given, 4 times that with reinhard or
     /// filmic.
     #[arg(long, value_name = "W", value_parser = positive)]

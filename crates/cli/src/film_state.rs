@@ -1,9 +1,9 @@
 //! The state of a picture that was begun, so that it can go on later to the same bytes.
 //!
 //! ```text
-//! radiosity film 1\n
+//! radiosity film 2\n
 //! one line of JSON: settings, rounds, rays\n
-//! Σ of the means of rounds, then Σ of their squares: doubles, little-endian
+//! Σ of the means of rounds, by pixels, bands and streams: doubles, little-endian
 //! ```
 //!
 //! Settings are those that samples depend on, each as text under the name of its flag; a file whose settings are others is refused.
@@ -13,12 +13,16 @@ use std::path::Path;
 use radiosity_core::Cost;
 use radiosity_io::{WriteError, write_atomically};
 use radiosity_render::Film;
+use radiosity_render::numbers::STREAMS;
 use serde_json::{Value, json};
 
 use crate::Failure;
 
 /// First line of every such file.
-const MAGIC: &str = "radiosity film 1";
+const MAGIC: &str = "radiosity film 2";
+
+/// Bytes of a pixel and band.
+const WIDTH: usize = 8 * STREAMS;
 
 /// Names and values of what samples depend on.
 pub type Settings = Vec<(&'static str, String)>;
@@ -30,7 +34,7 @@ pub fn write(path: &Path, film: &Film, settings: &Settings) -> Result<(), WriteE
     let header = json!({ "settings": named, "rounds": film.rounds, "rays": film.cost.rays });
     write_atomically(path, |out| {
         writeln!(out, "{MAGIC}\n{header}")?;
-        for value in film.state().into_iter().flatten() {
+        for value in film.state().iter().flatten() {
             out.write_all(&value.to_le_bytes())?;
         }
         Ok(())
@@ -61,13 +65,12 @@ pub fn read(path: &Path, [width, height]: [u32; 2], bands: usize, settings: &Set
     let (rounds, rays) = (count("rounds")?, count("rays")?);
     let values = parts.next().unwrap_or_default();
     let len = width as usize * height as usize * bands;
-    if values.len() != 16 * len {
-        let why = format!("it holds {} bytes of sums, not {}", values.len(), 16 * len);
+    if values.len() != WIDTH * len {
+        let why = format!("it holds {} bytes of sums, not {}", values.len(), WIDTH * len);
         return Err(damaged(&why).into());
     }
     let value = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("chunks of eight bytes"));
-    let list = |bytes: &[u8]| bytes.chunks_exact(8).map(value).collect();
-    let (sums, squares) = values.split_at(8 * len);
-    let state = [list(sums), list(squares)];
+    let sums = |bytes: &[u8]| std::array::from_fn(|s| value(&bytes[8 * s..8 * s + 8]));
+    let state = values.chunks_exact(WIDTH).map(sums).collect();
     Ok(Film::resume(width, height, bands, rounds, state, Cost { rays, ..Cost::default() }))
 }

@@ -5,6 +5,7 @@
 mod args;
 mod cells;
 mod compare;
+mod false_colour;
 mod film_state;
 mod form_factors;
 mod from_point;

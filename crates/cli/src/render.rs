@@ -1,17 +1,19 @@
 //! `radiosity render`: a picture of a scene, by two passes or by tracing paths.
 //!
 //! What is not asked for is chosen so that any scene gives a picture: about 2,000 elements of equal size, rows of 4,096 rays with exact emitters, direct light from
-//! a point drawn on a light, indirect light from the mesh. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
+//! a point drawn on a light, indirect light from the mesh, linear inside its elements. Rounds of 16 samples a pixel follow until the noise ([`Film::noise`]) is low enough. Rounds depend on their
 //! number alone, so that a film that goes on from its state, the first pass computed again, ends with the same bytes.
 //!
-//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), and what to see of a scene ([`crate::viewpoint`]).
+//! What is *not* here: the passes themselves (`radiosity`, `radiosity-render`), what to see of a scene ([`crate::viewpoint`]), and
+//! numbers in false colours ([`crate::false_colour`]).
 
 use std::f64::consts::PI;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use radiosity::{
-    EnhancedRun, Geometry, Method, Shape, Size, SpecularTransport, Store, Strategy, predict, run_enhanced,
+    EnhancedRun, Geometry, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict,
+    run_enhanced,
 };
 use radiosity_core::{Outcome, mix};
 use radiosity_geometry::mesh::Subdivision;
@@ -19,11 +21,13 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{Imported, write_exr, write_png};
 use radiosity_render::numbers::ROUND;
 use radiosity_render::{
-    Exposure, FacetIrradiance, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone, TwoPass, TwoPassSettings,
+    Camera, Control, Exposure, FacetIrradiance, Field, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone,
+    TwoPass, TwoPassSettings,
 };
 use serde_json::{Value, json};
 
-use crate::args::RenderArgs;
+use crate::args::{RenderArgs, Shading};
+use crate::false_colour::{self, FalseColours};
 use crate::film_state::{self, Settings};
 use crate::solve::SPECULAR_RAYS;
 use crate::viewpoint::Viewpoint;
@@ -52,6 +56,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     for path in [Some(&args.output), args.preview.as_ref(), args.state.as_ref()].into_iter().flatten() {
         in_a_folder(path)?;
     }
+    let colours = FalseColours::new(args)?;
     let imported = scene::with_specular(&args.common)?;
     let scene = &imported.scene;
     if !matches!(scene.bands(), 1 | 3) {
@@ -68,23 +73,54 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         Some(path) if args.resume => film_state::read(path, args.view.size, scene.bands(), &settings)?,
         _ => Film::new(args.view.size[0], args.view.size[1], scene.bands()),
     };
-    let mut studio = Studio { args, settings, seconds: 0.0 };
+    let of_surfaces = colours.as_ref().and_then(FalseColours::of_surfaces);
+    let mut studio = Studio { args, settings, colours, seconds: 0.0, look: None };
     let seed = args.common.seed;
     if args.reference {
         let occluders = Occluders::of_scene(scene);
         let stage = Stage::new(scene, &occluders);
         let tracer = PathTracer::new(&stage, classes);
-        studio.expose(&mut film, &stage, &view, |film| tracer.expose(&view.camera, seed, film))?;
+        studio.expose(&mut film, &stage, &view, |film| match of_surfaces {
+            Some(quantity) => {
+                false_colour::expose(quantity, (&stage, &view.camera), classes, seed, film, |place, numbers, h| {
+                    tracer.irradiance(place.point, place.normal, numbers, h)
+                });
+            }
+            None => tracer.expose(&view.camera, seed, film),
+        })?;
         return studio.finish(&imported, &film, &stage, &view, None);
     }
-    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let first = run_enhanced(scene, &strategy, transport, &mut ())?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
-    let [direct, by_way, indirect, more] = first.ways.each_ref().map(FacetIrradiance);
-    let stored = Stored::Apart([&direct, &by_way, &indirect, &more]);
+    let geometry = &first.run.geometry;
+    let stored = first.ways.each_ref().map(|h| -> Box<dyn Field + '_> {
+        match args.shading {
+            Shading::Flat => Box::new(FacetIrradiance(h)),
+            Shading::Linear => Box::new(LinearIrradiance::new(geometry, h)),
+        }
+    });
+    let ways = stored.each_ref().map(|field| &**field);
     let pass = TwoPassSettings { light_points: args.light_points, gather: args.gather };
-    let pass = TwoPass::new(&stage, stored, pass, classes)?;
-    studio.expose(&mut film, &stage, &view, |film| pass.expose(&view.camera, seed, film))?;
+    let mut pass = TwoPass::new(&stage, Stored::Apart(ways), pass, classes)?;
+    let control = (args.gather > 0 && args.gather_tolerance > 0.0).then(|| {
+        let clock = Instant::now();
+        let elements = (geometry.elements(), &geometry.reflectance());
+        let control = Control::new(&stage, elements, ways, args.gather_tolerance, seed);
+        studio.look = Some(Look { control: control.clone(), seconds: clock.elapsed().as_secs_f64() });
+        control
+    });
+    if let Some(control) = &control {
+        pass = pass.controlled(control);
+    }
+    studio.expose(&mut film, &stage, &view, |film| match of_surfaces {
+        Some(quantity) => {
+            false_colour::expose(quantity, (&stage, &view.camera), classes, seed, film, |place, _, h| {
+                false_colour::stored(ways, classes, place, h)
+            });
+        }
+        None => pass.expose(&view.camera, seed, film),
+    })?;
     studio.finish(&imported, &film, &stage, &view, Some((&strategy, &first)))
 }
 
@@ -113,9 +149,22 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         "--reference".to_owned()
     } else {
         format!(
-            "{:?} on {:?}, bounces {:?}, light points {}, gather {}",
-            strategy.method, strategy.mesh, args.specular_bounces, args.light_points, args.gather
+            "{:?} on {:?}, bounces {:?} by {:?}, light points {}, gather {} above {}, {:?}",
+            strategy.method,
+            strategy.mesh,
+            args.specular_bounces,
+            args.specular_by,
+            args.light_points,
+            args.gather,
+            args.gather_tolerance,
+            args.shading
         )
+    };
+    // A film of B or H is another; one of errors is that of the picture.
+    let shown = args.false_colours.false_colour.filter(|quantity| quantity.is_of_surfaces());
+    let method = match shown {
+        Some(quantity) => format!("{} by {method}", quantity.name()),
+        None => method,
     };
     let classes: Vec<&str> =
         PathClass::ALL.into_iter().filter(|c| classes(args).has(*c)).map(PathClass::name).collect();
@@ -149,7 +198,17 @@ fn fingerprint(scene: &Scene) -> u64 {
 struct Studio<'a> {
     args: &'a RenderArgs,
     settings: Settings,
+    /// How it is shown if not as it looks.
+    colours: Option<FalseColours>,
     /// Time of all rounds of this run.
+    seconds: f64,
+    /// Where directions are gathered, unless everywhere or nowhere.
+    look: Option<Look>,
+}
+
+/// How elements that need a gather were found.
+struct Look {
+    control: Control,
     seconds: f64,
 }
 
@@ -206,15 +265,9 @@ impl Studio<'_> {
         let exposure = match self.args.white {
             Some(white) => Exposure::white_at(white),
             None => {
-                let camera = &view.camera;
-                let shows_light = |k: usize| {
-                    let (x, y) = (k % camera.width() as usize, k / camera.width() as usize);
-                    let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
-                    let place = stage.first(camera.eye(), direction).filter(|place| place.front);
-                    place.is_some_and(|place| stage.emission(place.surface).iter().any(|e| *e > 0.0))
-                };
                 let values = radiosities(film);
-                let mut counts: Vec<f64> = (0..values.len()).map(|k| f64::from(u8::from(!shows_light(k)))).collect();
+                let shown = |k: usize| !shows_light(stage, &view.camera, k);
+                let mut counts: Vec<f64> = (0..values.len()).map(|k| f64::from(u8::from(shown(k)))).collect();
                 if counts.iter().all(|count| *count == 0.0) {
                     counts.fill(1.0);
                 }
@@ -227,6 +280,9 @@ impl Studio<'_> {
 
     /// Writes a picture; gives the radiosity shown as white if there is one.
     fn write(&self, path: &Path, film: &Film, stage: &Stage<'_>, view: &Viewpoint) -> Result<Option<f64>, Failure> {
+        if let Some(colours) = &self.colours {
+            return colours.write(path, film, stage, &view.camera).map(|()| None);
+        }
         match format_of(path)? {
             Format::Png => {
                 let exposure = self.exposure(film, stage, view);
@@ -253,15 +309,20 @@ impl Studio<'_> {
     ) -> Result<Verdict, Failure> {
         let args = self.args;
         let white = self.write(&args.output, film, stage, view)?;
+        let scale = self.colours.as_ref().map(|colours| colours.ends(film, stage, &view.camera));
         let converged = first.is_none_or(|(_, first)| first.run.solution.outcome == Outcome::Converged);
         let met = args.noise.is_none_or(|noise| noise == 0.0 || self.good(film));
         let object = json!({
             "picture": args.output.display().to_string(),
             "camera": view.json(),
             "white": white,
+            "scale": scale,
             "method": if args.reference { "path tracing" } else { "two passes" },
             "first_pass": first.map(first_json),
             "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
+            "gathering": self.look.as_ref().map(|look| json!({
+                "elements": look.control.count(), "seconds": look.seconds, "counts": output::cost(&look.control.cost),
+            })),
             "samples": samples(film),
             "noise": finite(film.noise()),
             "noise_met": self.good(film),
@@ -269,6 +330,10 @@ impl Studio<'_> {
             "scene": output::import(&imported.report),
         });
         let mut lines: Vec<String> = first.map(first_line).into_iter().collect();
+        lines.extend(self.look.as_ref().map(|look| {
+            let (count, rays) = (look.control.count(), look.control.cost.rays);
+            format!("gathering from {count} elements, found by {rays} rays in {:.3} s", look.seconds)
+        }));
         lines.push(format!(
             "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}{}",
             film.width,
@@ -279,6 +344,9 @@ impl Studio<'_> {
             percent(film.noise()),
             white.map_or_else(String::new, |white| format!("; white is {white:.4e} W/m²"))
         ));
+        lines.extend(
+            scale.map(|[low, high]| format!("colours from {low:.4e} to {high:.4e} W/m² (--range={low},{high})")),
+        );
         lines.push(format!("→ {}", args.output.display()));
         output::print(&args.common, &object, &lines);
         Ok(if converged && met { Verdict::Done } else { Verdict::CheckFailed })
@@ -357,13 +425,22 @@ fn in_a_folder(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Whether the middle of pixel `k` of a camera, counted row by row, shows a light.
+pub(crate) fn shows_light(stage: &Stage<'_>, camera: &Camera, k: usize) -> bool {
+    let (x, y) = (k % camera.width() as usize, k / camera.width() as usize);
+    let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+    let place = stage.first(camera.eye(), direction).filter(|place| place.front);
+    place.is_some_and(|place| stage.emission(place.surface).iter().any(|e| *e > 0.0))
+}
+
 /// Kinds of pictures.
-enum Format {
+pub(crate) enum Format {
     Png,
     Exr,
 }
 
-fn format_of(path: &Path) -> Result<Format, Failure> {
+/// The kind that a file's name asks for.
+pub(crate) fn format_of(path: &Path) -> Result<Format, Failure> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("png") => Ok(Format::Png),
         Some("exr") => Ok(Format::Exr),

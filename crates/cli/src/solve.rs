@@ -7,7 +7,7 @@ use glam::DVec3;
 use radiosity::plan::{Off, Savings};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
-    LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularTransport,
+    LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{
@@ -79,7 +79,7 @@ enum Way<'a> {
     /// By one run.
     Straight,
     /// By one run with light by way of specular surfaces, whose form factors took so much.
-    Enhanced(Phase),
+    Enhanced(SpecularBy, Phase),
     /// By refinement to a tolerance.
     Refined(Refinement),
     /// From the solution of another scene, which took so many seconds.
@@ -116,7 +116,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    let transport = SpecularTransport { bounces: args.specular_bounces, rays: SPECULAR_RAYS };
+    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
     // Linear shading joins the irradiance of neighbours, and wants it of all.
     let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && !args.plan.ask.is_empty());
@@ -127,10 +127,11 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let clock = Instant::now();
     let mut plan = Plan::new(scene, &before);
     let mut geometry = plan.mesh(scene, &before)?;
-    let mut strategy = planned(strategy(sizes(&geometry), mesh, &args.estimator, &args.common));
-    finish_strategy(&mut strategy, args);
-    if specular && args.solver.is_none() && strategy.shape == Shape::Full {
-        // Extended form factors are not symmetric.
+    let (elements, blocking) = sizes(&geometry);
+    let mut strategy = planned(strategy((elements, blocking), mesh, &args.estimator, &args.common));
+    finish_strategy(&mut strategy, args, blocking);
+    if specular && transport.by != SpecularBy::Images && args.solver.is_none() && strategy.shape == Shape::Full {
+        // Extended form factors along rays are not symmetric.
         "gauss-seidel".clone_into(&mut strategy.solver);
     }
     if strategy.method != before.method {
@@ -153,7 +154,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
             drop(geometry);
             let EnhancedRun { run, specular, .. } =
                 run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
-            (run, Way::Enhanced(specular))
+            (run, Way::Enhanced(transport.by, specular))
         }
         None => (run_planned(&plan, geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
     };
@@ -168,8 +169,9 @@ pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
 /// The strategy by what is known before there is a mesh. Refuses what would take too much memory: of a dry run, the mesh alone.
 fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<Strategy, Failure> {
     let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
-    let mut strategy = strategy((cells, Occluders::blocking(scene).len()), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args);
+    let blocking = Occluders::blocking(scene).len();
+    let mut strategy = strategy((cells, blocking), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
         admitted_mesh(scene, &strategy)?;
@@ -196,8 +198,9 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     admitted(args, &imported.scene, mesh)?;
     // What is not asked for is chosen as without the scene before.
     let geometry = Geometry::new(&imported.scene, &mesh)?;
-    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args);
+    let (elements, blocking) = sizes(&geometry);
+    let mut strategy = strategy((elements, blocking), mesh, &args.estimator, &args.common);
+    finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, None, &Savings::default(), program));
@@ -277,7 +280,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
     let memory = memory::limit(&args.common);
     let mut strategy = Strategy { solver: solver.to_owned(), seed: args.common.seed, memory, ..plain };
-    finish_strategy(&mut strategy, args);
+    finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
         return Ok(dry_run(args, &geometry, &strategy, Some(&file), &Savings::default(), program));
@@ -286,8 +289,8 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
 }
 
-/// Store, repair, stopping and solver as asked for.
-fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
+/// Store, repair, stopping and solver as asked for, among `blocking` polygons that may block.
+fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
     (strategy.steps, strategy.store, strategy.repair) = (args.steps.into(), args.store.into(), args.repair);
     strategy.forecast = if args.forecast { output::FORECAST } else { 0 };
     if args.repair && strategy.shape == Shape::Full {
@@ -298,7 +301,7 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs) {
     if by_links {
         let error = args.link_error.unwrap_or(LINK_ERROR);
         strategy.store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
-        strategy.method = args.estimator.method(Method::OF_LINKS, 0);
+        strategy.method = args.estimator.method(Method::of_links_among(blocking), blocking);
         "cg".clone_into(&mut strategy.solver);
     }
     if let Some(solver) = args.solver.as_ref().filter(|solver| *solver != HIERARCHICAL) {
@@ -349,13 +352,14 @@ fn finish(
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
-        Way::Enhanced(phase) => {
+        Way::Enhanced(by, phase) => {
             object["extended_form_factors"] = output::phase(&phase);
-            lines.push(format!(
-                "by way of specular surfaces: {} rays in {:.3} s",
-                phase.cost.rays,
-                phase.time.as_secs_f64()
-            ));
+            object["extended_form_factors"]["by"] = by.name().into();
+            let work = match by {
+                SpecularBy::Rays(_) => format!("{} rays", phase.cost.rays),
+                SpecularBy::Images => format!("{} pairs by images", phase.cost.form_factors),
+            };
+            lines.push(format!("by way of specular surfaces: {work} in {:.3} s", phase.time.as_secs_f64()));
         }
         Way::Refined(refinement) => {
             let (estimate, met) = refinement.result();
@@ -392,7 +396,7 @@ fn plan_off(strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Opti
     match way {
         _ if file.is_some() => Some("form factors are given".to_owned()),
         Way::Straight => Off::of(strategy).map(|off| off.to_string()),
-        Way::Enhanced(_) => Some("light by way of specular surfaces takes all elements".to_owned()),
+        Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
         Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
         Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
     }

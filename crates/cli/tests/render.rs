@@ -64,14 +64,18 @@ fn a_picture_that_goes_on_is_that_of_one_run() {
     assert!(folder.bytes("part.exr") == folder.bytes("whole.exr"));
     assert!(folder.bytes("part.film") == folder.bytes("whole.film"));
 
-    for (change, word) in
-        [("--seed 2", "--seed"), ("--paths LDE", "--paths"), ("--gather 1", "method"), ("--eye 1,1,1", "camera")]
-    {
+    for (change, word) in [
+        ("--seed 2", "--seed"),
+        ("--paths LDE", "--paths"),
+        ("--gather 1", "method"),
+        ("--shading flat", "method"),
+        ("--eye 1,1,1", "camera"),
+    ] {
         let ran = folder.run(&format!("{SMALL} {change} --state part.film --resume --output part.exr"));
         assert_eq!(ran.code, 2);
         assert!(ran.stderr.starts_with("error: part.film") && ran.stderr.contains(word), "{}", ran.stderr);
     }
-    folder.write("part.film", "radiosity film 1\n{}\n");
+    folder.write("part.film", "radiosity film 2\n{}\n");
     assert_eq!(folder.run(&format!("{SMALL} --state part.film --resume --output part.exr")).code, 2);
     assert!(folder.bytes("part.exr") == folder.bytes("whole.exr"), "a refusal leaves pictures as they were");
 }
@@ -103,7 +107,8 @@ fn classes_add_up_to_the_whole_by_either_method() {
     }
 }
 
-/// A cube of E = 3, ρ = 0.5 is lit by B = 6 from everywhere, and a perfect mirror in place of one wall shows just that. Rays of F′ leave about half a percent.
+/// A cube of E = 3, ρ = 0.5 is lit by B = 6 from everywhere, and a perfect mirror in place of one wall shows just that. Rays of F′ leave about half a percent. At the outline
+/// of a wall, itself a light, it and what the mirror shows beside it are sampled apart, so that noise is to be less.
 #[test]
 fn a_mirror_in_a_furnace_shows_what_is_everywhere() {
     let ke = 3.0 / PI;
@@ -111,7 +116,7 @@ fn a_mirror_in_a_furnace_shows_what_is_everywhere() {
     let folder = cube("render_furnace", &mtl);
     let run = |more: &str| done(&folder.run(&format!("render cube.obj --quiet --subdivide 2 --size 9x7 {more}")));
     // The ceiling is the mirror.
-    let up = "--eye 0.3,0.4,0.2 --look-at 0.5,0.5,1 --up 1,0,0 --light-points 0";
+    let up = "--eye 0.3,0.4,0.2 --look-at 0.5,0.5,1 --up 1,0,0 --light-points 0 --noise 0.001";
     run(&format!("{up} --output p.exr"));
     for l in pixels(&folder, "p.exr", (9, 7)).concat() {
         assert!((l * PI - 6.0).abs() < 0.02 * 6.0, "{}", l * PI);
@@ -146,6 +151,14 @@ fn json_counts_both_passes() {
     assert!(rays("first_pass") > 0 && rays("second_pass") > samples);
     let specular = &object["first_pass"]["extended_form_factors"]["counts"]["rays"];
     assert!(specular.as_u64().unwrap() > 0);
+
+    // A look around of 9 × 64 rays an element, of which mirrors and glass make more.
+    let ran = folder.run(&format!("{small} --gather 1 --gather-tolerance 0.05 --output p.png"));
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let gathering = |key: &str| object["gathering"][key].as_u64().unwrap();
+    let elements = object["first_pass"]["elements"].as_u64().unwrap();
+    assert!(gathering("elements") > 0 && gathering("elements") < elements);
+    assert!(object["gathering"]["counts"]["rays"].as_u64().unwrap() > 0);
 
     // What was asked for and not reached is a failed check.
     let ran = folder.run(&format!("{SMALL} --samples 16 --output p.png").replace("--noise 0", "--noise 0.001"));
@@ -188,6 +201,8 @@ fn what_makes_no_picture_is_refused_in_one_sentence() {
         ("cube.obj --specular-bounces two --output out.png", "whole number, or any"),
         ("cube.obj --gather 4 --light-points 0 --output out.png", "one point on lights"),
         ("cube.obj --reference --gather 4 --output out.png", "cannot be used with"),
+        ("cube.obj --gather 4 --gather-tolerance 2 --output out.png", "[0, 1)"),
+        ("cube.obj --reference --shading flat --output out.png", "cannot be used with"),
         ("cube.obj --resume --output out.png", "--state"),
         ("cube.obj --resume --state no.film --output out.png", "no.film"),
         ("cube.obj --noise 1 --output out.png", "[0, 1)"),

@@ -55,6 +55,22 @@ fn a_mirror_closes_a_furnace_by_one_bounce() {
     assert!(without.stderr.contains("specular parts count only where specular bounces are asked for"));
 }
 
+/// Images are exact: no noise, and conjugate gradients unless another solver is asked for.
+#[test]
+fn images_close_a_furnace_exactly() {
+    let folder = furnace("specular_images");
+    for more in ["any", "1 --solver gauss-seidel", "any --store packed", "1 --patch-subdivide 1"] {
+        for h in irradiance(&folder, &format!("--specular-by images --specular-bounces {more}")) {
+            assert!((h - 6.0).abs() < 1e-6, "{more}: {h}");
+        }
+    }
+    let ran = folder.run("solve cube.obj --json --subdivide 3 --specular-bounces any --specular-by images");
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let extended = &object["extended_form_factors"];
+    assert_eq!((extended["by"].as_str(), object["solver"].as_str()), (Some("images"), Some("cg")));
+    assert_eq!(extended["counts"]["rays"].as_u64(), Some(0));
+}
+
 #[test]
 fn what_needs_symmetry_is_refused_and_diffuse_scenes_keep_their_bytes() {
     let folder = furnace("specular_refused");

@@ -9,7 +9,7 @@ use crate::{BandValues, Bands, BandsMut, Cost, DrawBuf, Drawn, Draws, StoreError
 /// What holds for every row of a store.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
-    /// A_s F_st = A_t F_ts to the last bit.
+    /// A_s F_st = A_t F_ts to the last bit, in every band.
     pub symmetric: bool,
     /// Rows differ between bands (coloured mirrors); otherwise a row serves all bands.
     pub per_band: bool,

@@ -88,16 +88,24 @@ fn stores_of_hemicube_rows_conform_in_every_form() {
     Case::new().conforms("hemicube");
 }
 
-/// F in any store and F′ in one table for all bands, or in two for three bands.
+/// F in any store and F′ in one table for all bands, in two for three bands, or in two of which both count in all.
 #[test]
 fn sums_of_straight_and_extended_form_factors_conform_in_every_form() {
     let case = Case::new();
     for form in [Form::Full, Form::ElementsToPatches, Form::PatchesToElements] {
         let table = |estimator: &str| SparseFormFactors::assemble(&*case.rows(estimator, form)).unwrap().0;
         let straight = DenseFormFactors::assemble(&*case.rows("ray-cast", form)).unwrap().0;
-        conformance(&ExtendedFormFactors::new(&straight, vec![table("hemicube")], vec![0; 3]));
-        let tables = vec![table("hemicube"), table("analytic")];
-        conformance(&ExtendedFormFactors::new(&straight, tables, vec![0, 1, 0]));
+        conformance(&ExtendedFormFactors::new(&straight, vec![(table("hemicube"), vec![1.0; 3])]));
+        for weights in [[vec![1.0, 0.0, 1.0], vec![0.0, 1.0, 0.0]], [vec![0.5, 0.25, 1.0], vec![1.0, 0.75, 0.0]]] {
+            let [first, second] = weights;
+            let tables = vec![(table("hemicube"), first), (table("analytic"), second)];
+            conformance(&ExtendedFormFactors::new(&straight, tables));
+        }
+        // Symmetric in every band, where both are.
+        let straight = DenseFormFactors::assemble(&*case.rows("analytic", form)).unwrap().0;
+        let coloured = ExtendedFormFactors::new(&straight, vec![(table("analytic"), vec![0.5, 0.25, 1.0])]);
+        assert_eq!(coloured.properties().symmetric, form == Form::Full);
+        conformance(&coloured);
     }
 }
 

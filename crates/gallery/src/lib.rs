@@ -12,6 +12,7 @@
 //! | [`BlockedLight`] | H at every point of the floor | shadows from soft to hard |
 //! | [`MirrorRoom`] | that a hole into its image is as good as its mirror | specular transport |
 //! | [`sphere()`] | volume | curved mirrors and glass |
+//! | [`cornell_specular()`], [`mirror_cornell()`] | nothing in closed form; every class of paths is there | pictures |
 //! | [`crowded_room()`] | that nothing leaves | many blockers |
 //! | [`city()`] | areas | many facets of which most are hidden |
 //! | [`rooms`] | what a solution can leave out | omissions |
@@ -25,6 +26,7 @@ mod blocked_light;
 pub mod boxes;
 mod city;
 mod conformance;
+mod cornell;
 mod crowded_room;
 mod double_double;
 mod floor_under_light;
@@ -43,6 +45,7 @@ mod stiff;
 pub use blocked_light::BlockedLight;
 pub use city::city;
 pub use conformance::conformance;
+pub use cornell::{CORNELL_FLOOR, cornell_specular, mirror_cornell};
 pub use crowded_room::crowded_room;
 pub use floor_under_light::FloorUnderLight;
 pub use hinge::Hinge;

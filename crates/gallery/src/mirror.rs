@@ -4,7 +4,7 @@
 //! the near side, surface by surface, and needs no specular transport. So any two ways of solving the two check each other.
 
 use glam::DVec3;
-use radiosity_geometry::{Material, Polygon, Scene, Specular, Surface};
+use radiosity_geometry::{Material, Scene, Specular, Surface};
 
 use crate::boxes::{faces, inward_face, material, scene_of_loops};
 
@@ -85,24 +85,17 @@ pub fn opened(scene: &Scene, mirror: usize) -> Scene {
     let [plane] = &scene.surfaces[mirror].pieces[..] else { panic!("a mirror of one piece") };
     let kept = || scene.surfaces.iter().enumerate().filter(|(k, _)| *k != mirror).map(|(_, s)| s);
     let image = |surface: &Surface| Surface {
-        pieces: surface.pieces.iter().map(|p| mirrored(p, plane)).collect(),
+        pieces: surface.pieces.iter().map(|p| p.mirrored(plane.centroid(), plane.normal())).collect(),
         ..surface.clone()
     };
     let surfaces = kept().cloned().chain(kept().map(image)).collect();
     Scene { surfaces, materials: scene.materials.clone() }
 }
 
-/// A polygon mirrored at the plane of another; its front faces what is the front's image.
-pub fn mirrored(polygon: &Polygon, plane: &Polygon) -> Polygon {
-    let image = |v: &DVec3| *v - plane.normal() * (2.0 * plane.signed_distance(*v));
-    // Mirroring turns the loop round: it is run through the other way, from the same corner.
-    let vertices = polygon.vertices();
-    let turned: Vec<DVec3> = vertices[..1].iter().chain(vertices[1..].iter().rev()).map(image).collect();
-    Polygon::new(&turned).unwrap_or_else(|fault| panic!("the image of a polygon: {fault}"))
-}
-
 #[cfg(test)]
 mod tests {
+    use radiosity_geometry::Polygon;
+
     use super::*;
 
     #[test]

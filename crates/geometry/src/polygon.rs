@@ -216,6 +216,22 @@ impl Polygon {
         Some((self.half(&d, 1.0).ok()?, self.half(&d, -1.0).ok()?))
     }
 
+    /// The polygon mirrored at a plane (point, unit normal): its front faces what the front's image is, its area and thickness are those it has. Points
+    /// of the plane stay where they are to the last bit where the plane is that of two axes.
+    #[must_use]
+    pub fn mirrored(&self, point: DVec3, normal: DVec3) -> Self {
+        let image = |v: DVec3| v - normal * (2.0 * (v - point).dot(normal));
+        // Mirroring turns the loop round: it is run through the other way, from the same corner.
+        let (first, rest) = self.vertices.split_at(1);
+        let vertices: Vec<DVec3> = first.iter().chain(rest.iter().rev()).map(|v| image(*v)).collect();
+        Self {
+            vertices: vertices[..].into(),
+            normal: self.normal - normal * (2.0 * self.normal.dot(normal)),
+            centroid: image(self.centroid),
+            ..*self
+        }
+    }
+
     /// The part where `side` · d ≥ 0, with d the distances of the vertices from the cutting plane.
     fn half(&self, d: &[f64], side: f64) -> Result<Self, PolygonError> {
         let n = d.len();
@@ -301,6 +317,21 @@ mod tests {
         let at = DVec3::splat(1e5);
         let p = Polygon::new(&[at, at + DVec3::X, at + DVec3::new(1.0, 1e-3, 0.0)]).unwrap();
         assert!((p.area() - 5e-4).abs() < 1e-10);
+    }
+
+    #[test]
+    fn a_mirrored_polygon_faces_what_its_front_does_in_the_mirror() {
+        let (point, normal) = (DVec3::new(0.2, 0.1, -0.7), DVec3::new(2.0, 3.0, 6.0) / 7.0);
+        let r = rectangle();
+        let image = r.mirrored(point, normal);
+        let again = Polygon::new(image.vertices()).unwrap();
+        assert!((again.normal() - image.normal()).length() < 1e-15 && (again.area() - image.area()).abs() < 1e-13);
+        assert!((again.centroid() - image.centroid()).length() < 1e-14);
+        // A point before the front has its image before the image's front, as far.
+        let before = DVec3::new(1.0, 1.0, 2.0);
+        let there = before - normal * (2.0 * (before - point).dot(normal));
+        assert!((image.signed_distance(there) - 2.0).abs() < 1e-14);
+        assert!((image.mirrored(point, normal).centroid() - r.centroid()).length() < 1e-14);
     }
 
     #[test]

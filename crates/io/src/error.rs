@@ -38,6 +38,14 @@ pub enum ReadError {
         /// What the system says.
         source: io::Error,
     },
+    /// Bytes that are no picture of the kind that the file's name says.
+    #[error("{}: is no picture that can be read ({fault}); give an OpenEXR file with red, green and blue", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: String,
+    },
     /// A word where a coordinate belongs.
     #[error("{}:{line}: '{word}' is no coordinate (a finite number); correct this vertex", path.display())]
     Coordinate {

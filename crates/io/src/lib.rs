@@ -18,7 +18,7 @@ pub mod view3d;
 
 pub use atomic::write_atomically;
 pub use error::{ReadError, WriteError};
-pub use exr::write_exr;
+pub use exr::{LinearPicture, read_exr, write_exr};
 pub use matrix::{Matrix, MatrixFormat, MatrixView, read_matrix, write_matrix};
 pub use obj::{ImportReport, Imported, ReadOptions, Texture, read_geometry, read_scene};
 pub use ply::{PlyFace, PlyTriangle, PlyVertex, write_ply, write_shaded_ply};

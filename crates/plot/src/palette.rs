@@ -38,7 +38,7 @@ pub struct Style {
 }
 
 /// Groups whose members meet in one figure.
-const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
+const GROUPS: [&[(&str, Rgb, Marker)]; 6] = [
     // Solvers.
     &[
         ("jacobi", [0x00, 0x72, 0xb2], Marker::Circle),
@@ -82,6 +82,16 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 5] = [
         ("on-demand", [0xa0, 0x5f, 0xc0], Marker::Triangle),
         ("packed", [0x2e, 0x8b, 0x57], Marker::Diamond),
         ("packed-f32", [0xb2, 0x22, 0x22], Marker::Wedge),
+    ],
+    // Ways to take pictures.
+    &[
+        ("radiosity alone", [0xcc, 0x79, 0xa7], Marker::Wedge),
+        ("ray tracing alone", [0x56, 0xb4, 0xe9], Marker::Star),
+        ("two passes, 0 bounces", [0xe6, 0x9f, 0x00], Marker::Pentagon),
+        ("two passes, 1 bounce", [0xd5, 0x5e, 0x00], Marker::Square),
+        ("two passes, any bounces", [0x00, 0x9e, 0x73], Marker::Diamond),
+        ("path tracing", [0x22, 0x22, 0x22], Marker::Triangle),
+        ("specular radiosity", [0x88, 0x22, 0x55], Marker::Circle),
     ],
 ];
 

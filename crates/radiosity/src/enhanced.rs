@@ -4,7 +4,7 @@
 //! B = E + ρ (F + F′) B
 //! ```
 //!
-//! with F of any method, as without specular surfaces, and F′ along rays ([`radiosity_form_factors::extended`]). The answer is as view-independent as before. H is also
+//! with F of any method, as without specular surfaces, and F′ along rays or by mirror images ([`radiosity_form_factors::extended`]). The answer is as view-independent as before. H is also
 //! given by the ways in which it arrived, for a second pass that replaces some of them:
 //!
 //! ```text
@@ -13,31 +13,58 @@
 
 use std::time::Instant;
 
-use radiosity_core::{BandValues, Form, FormFactors, Observer, System};
+use radiosity_core::{BandValues, Cost, Form, FormFactors, Observer, SolveError, System};
 use radiosity_form_factors::Receivers;
-use radiosity_form_factors::extended::{Mirrors, SpecularBounces, SpecularRays};
+use radiosity_form_factors::extended::{Images, Mirrors, SpecularBounces, SpecularRays};
 use radiosity_form_factors::stores::{ExtendedFormFactors, SparseFormFactors};
 use radiosity_geometry::Scene;
 use radiosity_render::brdf::SpecularSurfaces;
 
 use crate::estimate::{ends, fill};
 use crate::run::{Check, Known, named, solve_stored};
-use crate::{Geometry, Phase, Run, RunError, Shape, Strategy};
+use crate::strategy::partial_among;
+use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
+
+/// Errors of form factors by images asked for where the straight ones are not analytic: of clear pairs, and of those partly blocked.
+const PAIR_ERROR: f64 = 1e-10;
+const PARTIAL_ERROR: f64 = 1e-6;
+
+/// How F′ is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpecularBy {
+    /// By so many rays a row: any specular surface, any number of bounces, with noise.
+    Rays(u32),
+    /// By mirror images: planar, ideal mirrors, exact and symmetric, with the settings of the analytic method.
+    Images,
+}
+
+impl SpecularBy {
+    /// Rays of a row unless set otherwise.
+    pub const RAYS: Self = Self::Rays(1024);
+
+    /// The name used in flags and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rays(_) => "rays",
+            Self::Images => "images",
+        }
+    }
+}
 
 /// How light takes specular surfaces between diffuse ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularTransport {
     /// How many in a row.
     pub bounces: SpecularBounces,
-    /// Rays of every row of F′.
-    pub rays: u32,
+    /// How its form factors are found.
+    pub by: SpecularBy,
 }
 
 impl SpecularTransport {
     /// Any number of bounces, by 1,024 rays a row.
-    pub const ANY: Self = Self { bounces: SpecularBounces::Any, rays: 1024 };
+    pub const ANY: Self = Self { bounces: SpecularBounces::Any, by: SpecularBy::RAYS };
     /// Specular parts count as absent.
-    pub const NONE: Self = Self { bounces: SpecularBounces::None, rays: 1024 };
+    pub const NONE: Self = Self { bounces: SpecularBounces::None, by: SpecularBy::RAYS };
 }
 
 /// A first pass.
@@ -55,7 +82,8 @@ pub struct EnhancedRun<'a> {
 ///
 /// # Errors
 ///
-/// [`RunError`] as [`crate::run`]; extended form factors along rays are not symmetric, they are not repaired, and the two-level form and links do not take them.
+/// [`RunError`] as [`crate::run`]; extended form factors along rays are not symmetric, none are repaired, and the two-level form and links do not take them. Images are
+/// refused where a specular surface is no ideal mirror, or mirrors show each other without end.
 pub fn run_enhanced<'a>(
     scene: &'a Scene,
     strategy: &Strategy,
@@ -64,20 +92,19 @@ pub fn run_enhanced<'a>(
 ) -> Result<EnhancedRun<'a>, RunError> {
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
     if specular {
-        check(strategy)?;
+        check(strategy, transport.by)?;
     } else {
         strategy.check()?;
     }
     let clock = Instant::now();
-    let geometry = Geometry::new(scene, &strategy.mesh)?;
+    let geometry = Geometry::of_strategy(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     let form = strategy.shape.form();
     let clock = Instant::now();
     let (straight, cost) =
         fill(crate::rows(&geometry, strategy.method, form, strategy.seed)?, strategy.store, strategy.memory)?;
     let mut form_factors = Phase { cost, time: clock.elapsed() };
-    let extended =
-        if specular { Some(extend(&geometry, straight.store(), form, transport, strategy.seed)?) } else { None };
+    let extended = if specular { Some(extend(&geometry, straight.store(), strategy, transport)?) } else { None };
     let of_specular = extended.as_ref().map_or(Phase::default(), |(_, phase)| *phase);
     form_factors.cost += of_specular.cost;
     form_factors.time += of_specular.time;
@@ -91,29 +118,47 @@ pub fn run_enhanced<'a>(
 }
 
 /// Refuses what extended form factors cannot serve, before any is computed.
-fn check(strategy: &Strategy) -> Result<(), RunError> {
-    const ROWS: &str = "extended";
-    strategy.check_rows(false, ROWS).or_else(|refused| {
-        // The straight part may be symmetric, in a store of its own.
-        let solver = named(&strategy.solver, strategy.seed)?;
-        if strategy.repair || solver.needs().symmetric { Err(refused) } else { strategy.check() }
-    })?;
+fn check(strategy: &Strategy, by: SpecularBy) -> Result<(), RunError> {
     if strategy.shape == Shape::TwoLevel || matches!(strategy.store, crate::Store::Hierarchical { .. }) {
         return Err(RunError::Extended { shape: strategy.shape.name(), store: strategy.store.name() });
     }
-    Ok(())
+    if strategy.repair {
+        return Err(RunError::RepairExtended);
+    }
+    let solver = named(&strategy.solver, strategy.seed)?;
+    if by != SpecularBy::Images && solver.needs().symmetric {
+        return Err(SolveError::NeedsSymmetric { solver: solver.name(), store: "extended" }.into());
+    }
+    strategy.check()
 }
 
 /// The form factors of `straight` with those by way of specular surfaces.
 fn extend<'s>(
     geometry: &Geometry<'_>,
     straight: &'s dyn FormFactors,
-    form: Form,
+    strategy: &Strategy,
     transport: SpecularTransport,
-    seed: u64,
 ) -> Result<(ExtendedFormFactors<'s>, Phase), RunError> {
     let clock = Instant::now();
-    let scene = geometry.scene();
+    let (tables, cost) = match transport.by {
+        SpecularBy::Rays(rays) => tables_of_rays(geometry, strategy, transport.bounces, rays)?,
+        SpecularBy::Images => tables_of_images(geometry, strategy, transport.bounces)?,
+    };
+    let phase = Phase { cost, time: clock.elapsed() };
+    Ok((ExtendedFormFactors::new(straight, tables), phase))
+}
+
+/// Parts of F′ with what they count in each band, and what they took.
+type Tables = (Vec<(SparseFormFactors, Vec<f64>)>, Cost);
+
+/// A table for each group of bands in which all specular surfaces are alike.
+fn tables_of_rays(
+    geometry: &Geometry<'_>,
+    strategy: &Strategy,
+    bounces: SpecularBounces,
+    rays: u32,
+) -> Result<Tables, RunError> {
+    let (scene, form) = (geometry.scene(), strategy.shape.form());
     let scatter = SpecularSurfaces::new(scene);
     let surface_of: Vec<u32> = scene.pieces().map(|(s, _)| s as u32).collect();
     let mirrors = Mirrors { occluders: geometry.element_occluders(), surface_of: &surface_of, scatter: &scatter };
@@ -124,17 +169,38 @@ fn extend<'s>(
     };
     let (sources, _) = ends(geometry, form);
     let (of_band, firsts) = groups(scene);
-    let mut phase = Phase::default();
-    let mut tables = Vec::with_capacity(firsts.len());
-    for band in firsts {
+    let (mut tables, mut total) = (Vec::with_capacity(firsts.len()), Cost::default());
+    for (group, band) in firsts.into_iter().enumerate() {
         let band = (scene.bands(), band);
-        let rows = SpecularRays::new((sources, receivers), mirrors, transport.bounces, band, transport.rays, seed);
+        let rows = SpecularRays::new((sources, receivers), mirrors, bounces, band, rays, strategy.seed);
         let (table, cost) = SparseFormFactors::assemble(&rows)?;
-        phase.cost += cost;
-        tables.push(table);
+        total += cost;
+        tables.push((table, of_band.iter().map(|&g| f64::from(u8::from(g == group))).collect()));
     }
-    phase.time = clock.elapsed();
-    Ok((ExtendedFormFactors::new(straight, tables, of_band), phase))
+    Ok((tables, total))
+}
+
+/// A table for each colour of chains of mirrors.
+fn tables_of_images(
+    geometry: &Geometry<'_>,
+    strategy: &Strategy,
+    bounces: SpecularBounces,
+) -> Result<Tables, RunError> {
+    let images = Images::new(geometry.scene(), bounces)?;
+    let (tolerance, partial) = match strategy.method {
+        Method::Analytic { tolerance, partial } => (tolerance, partial),
+        // What is straight need not be exact for this to be.
+        _ => (PAIR_ERROR, partial_among(images.blockers(), PARTIAL_ERROR)),
+    };
+    let ends = ends(geometry, strategy.shape.form());
+    let (mut tables, mut total) = (Vec::with_capacity(images.colours().len()), Cost::default());
+    for (k, shares) in images.colours().iter().enumerate() {
+        let rows = images.rows(ends, k, tolerance, partial, strategy.seed);
+        let (table, cost) = SparseFormFactors::assemble(&rows)?;
+        total += cost;
+        tables.push((table, shares.clone()));
+    }
+    Ok((tables, total))
 }
 
 /// The group of every band, and the first band of every group: bands in which all specular surfaces are alike.

@@ -9,9 +9,10 @@
 //! counts twice, since x holds no E. It pays because a link to a small, bright node must be refined down to every element in its light:
 //! with direct light the number of links grows with the elements, and without it hardly.
 //!
-//! Rounds (lazy linking and multi-gridding; Holzschuch, Sillion, Drettakis 1994): links are made for a guess of x and a loose threshold,
-//! the system is solved, the links whose error is too large *for this x* are refined, and the solver goes on from the last answer, until the
-//! estimated error of all links together is what was asked for.
+//! Two rounds (lazy linking and multi-gridding; Holzschuch, Sillion, Drettakis 1994): links are made for a guess of x until all of them
+//! together err by a few times what is asked for, and the system is solved; then the links whose error is too large *for this x* are refined until the
+//! estimate is what was asked for, and the solver goes on from the first answer. The threshold falls in small steps: what is refined beyond
+//! need cannot be taken back, and a step costs no more than a look at every link and the links it makes.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,16 +31,20 @@ use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
 
 /// Emitting surfaces up to which their light is taken exactly unless told otherwise.
 const FEW_EMITTERS: usize = 16;
-/// Threshold of the first round, in units of the error asked for.
-const FIRST: f64 = 0.1;
-/// By how much a threshold falls from round to round, at least and at most.
-const FALL: (f64, f64) = (1.5, 16.0);
-/// How the error of all links follows the threshold of one: ε ∝ τ^ORDER.
-const ORDER: f64 = 0.6;
-/// Unshot share to which rounds before the last are solved, in units of the error asked for.
+/// Error of all links for the guess, in units of the error asked for.
+const COARSE_LINKS: f64 = 3.0;
+/// Threshold of the first links, in units of the error they are made for.
+const FIRST: f64 = 0.05;
+/// By how much a threshold falls in one step, at least and at most.
+const FALL: (f64, f64) = (1.05, 16.0);
+/// How the error of all links follows the threshold of one, ε ∝ τ^order: at first, so that it does not fall too far, and what the last step may say.
+const ORDER: (f64, [f64; 2]) = (1.0, [0.4, 1.0]);
+/// Error that a step is meant for, in units of what is asked for.
+const AIM: f64 = 0.97;
+/// Unshot share to which the first round is solved, in units of the error asked for.
 const COARSE: f64 = 3.0;
-/// Most rounds; the thresholds have fallen by six orders then.
-const ROUNDS: u32 = 12;
+/// Most steps of a threshold in one round.
+const STEPS: u32 = 24;
 /// Error of direct light, in units of the error asked for.
 const DIRECT: f64 = 0.3;
 
@@ -94,58 +99,74 @@ pub(crate) fn solve_by_links(
     let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref());
     let mut brightness = Brightness::of(&hierarchy, &guess.sent, guess.level).linear();
     drop(guess);
-    let mut threshold = FIRST * error;
+    let admitted = |links: &Links| admit_links(geometry, strategy, links.len());
+    let coarse = COARSE_LINKS * error;
+    let mut threshold = FIRST * coarse;
     let (mut links, spent) = linking.links(threshold, &brightness);
     cost += spent;
-    let mut solver = named(&strategy.solver, strategy.seed)?;
-    let (mut rounds, mut before): (u32, Option<Solution>) = (0, None);
+    let (_, spent) = tighten(&linking, &mut links, &brightness, coarse, &mut threshold, &admitted)?;
+    cost += spent;
     let mut form_factors = Phase { cost, time: clock.elapsed() };
-    loop {
+
+    // The first round: a solution on coarse links, to learn what is bright.
+    let mut solver = named(&strategy.solver, strategy.seed)?;
+    let first = {
         let clock = Instant::now();
-        rounds += 1;
-        let found = links.error(&hierarchy, &brightness);
-        let last = found <= error || rounds == ROUNDS;
         let store = HierarchicalFormFactors::new(Arc::clone(&hierarchy), &links);
-        let nodes_and_links = (hierarchy.len(), links.len());
-        if last {
-            // What was needed to refine is not needed to solve.
-            links = Links::default();
-        }
         form_factors.time += clock.elapsed();
         let system = System::full(&store, &areas, sent.view(), reflectance.view())?;
-        let from = before.as_ref().map(|solution| solution.radiosity.view());
-        let coarse = StopRule::unshot((COARSE * error).max(strategy.unshot)).steps(strategy.steps).unverified();
-        let mut solution = if last {
-            solve_from(&system, &mut *solver, &stop_rule(strategy), observer, from)?
-        } else {
-            solve_from(&system, &mut *solver, &coarse, &mut (), from)?
-        };
-        if let Some(before) = before.take() {
-            solution.cost += before.cost;
-            solution.time += before.time;
-            solution.steps += before.steps;
-        }
-        if last {
-            gather_finally(&store, (&geometry.emission(), &reflectance), lit.as_ref(), &mut solution);
-            let (nodes, links) = nodes_and_links;
-            let exact_emitters = if exact { emitters.len() } else { 0 };
-            let report = HierarchicalReport { nodes, links, rounds, error: found, exact_emitters };
-            let stored_bytes = store.properties().stored_bytes;
-            return Ok(Made::of_links(form_factors, stored_bytes, report, solution));
-        }
-        let clock = Instant::now();
-        let level = level(&areas, &solution, &reflectance, &sent, lit.as_ref());
-        brightness = Brightness::of(&hierarchy, &solution.radiosity, level).linear();
+        let stop = StopRule::unshot((COARSE * error).max(strategy.unshot)).steps(strategy.steps).unverified();
+        let mut solution = solve_from(&system, &mut *solver, &stop, &mut (), None)?;
         // Only where the solver goes on from is kept.
         solution.irradiance = BandValues::zeros(0, 0);
-        before = Some(solution);
-        drop(system);
-        drop(store);
-        threshold /= fall(links.error(&hierarchy, &brightness) / error);
-        form_factors.cost += linking.refine(&mut links, threshold, &brightness);
-        admit_links(geometry, strategy, links.len())?;
-        form_factors.time += clock.elapsed();
+        solution
+    };
+    let clock = Instant::now();
+    let level = level(&areas, &first, &reflectance, &sent, lit.as_ref());
+    brightness = Brightness::of(&hierarchy, &first.radiosity, level).linear();
+    let (error, spent) = tighten(&linking, &mut links, &brightness, error, &mut threshold, &admitted)?;
+    form_factors.cost += spent;
+    let store = HierarchicalFormFactors::new(Arc::clone(&hierarchy), &links);
+    let exact_emitters = if exact { emitters.len() } else { 0 };
+    let report = HierarchicalReport { nodes: hierarchy.len(), links: links.len(), rounds: 2, error, exact_emitters };
+    // What was needed to refine is not needed to solve.
+    drop((links, brightness));
+    form_factors.time += clock.elapsed();
+
+    let system = System::full(&store, &areas, sent.view(), reflectance.view())?;
+    let mut solution = solve_from(&system, &mut *solver, &stop_rule(strategy), observer, Some(first.radiosity.view()))?;
+    solution.cost += first.cost;
+    solution.time += first.time;
+    solution.steps += first.steps;
+    gather_finally(&store, (&geometry.emission(), &reflectance), lit.as_ref(), &mut solution);
+    let stored_bytes = store.properties().stored_bytes;
+    Ok(Made::of_links(form_factors, stored_bytes, report, solution))
+}
+
+/// Lowers the threshold and refines until all links err by at most `goal` for this brightness; the estimate, and what it cost.
+fn tighten(
+    linking: &Linking<'_, Analytic<'_>>,
+    links: &mut Links,
+    brightness: &Brightness,
+    goal: f64,
+    threshold: &mut f64,
+    admitted: &dyn Fn(&Links) -> Result<(), RunError>,
+) -> Result<(f64, Cost), RunError> {
+    let mut cost = Cost::default();
+    let (mut found, mut order) = (linking.error(links, brightness), ORDER.0);
+    for _ in 0..STEPS {
+        if found <= goal {
+            break;
+        }
+        let fall = (found / (AIM * goal)).powf(1.0 / order).clamp(FALL.0, FALL.1);
+        *threshold /= fall;
+        cost += linking.refine(links, *threshold, brightness);
+        admitted(links)?;
+        let before = std::mem::replace(&mut found, linking.error(links, brightness));
+        let [least, most] = ORDER.1;
+        order = ((before / found).ln() / fall.ln()).clamp(least, most);
     }
+    Ok((found, cost))
 }
 
 /// Links for light that is equally bright everywhere, to an estimated error of `error` by all of them.
@@ -165,24 +186,13 @@ pub(crate) fn fixed_links(
     let brightness = Brightness::uniform(&hierarchy);
     let mut threshold = FIRST * error;
     let (mut links, mut cost) = linking.links(threshold, &brightness);
-    for _ in 0..ROUNDS {
-        let found = links.error(&hierarchy, &brightness);
-        if found <= error {
-            break;
-        }
-        threshold /= fall(found / error);
-        cost += linking.refine(&mut links, threshold, &brightness);
-    }
+    let (_, spent) = tighten(&linking, &mut links, &brightness, error, &mut threshold, &|_| Ok(()))?;
+    cost += spent;
     Ok((HierarchicalFormFactors::new(hierarchy, &links), cost))
 }
 
 fn check(error: f64) -> Result<(), RunError> {
     if error > 0.0 && error < 1.0 { Ok(()) } else { Err(RunError::Tolerance { value: error }) }
-}
-
-/// By how much the threshold falls where links err by `excess` times what was asked for.
-fn fall(excess: f64) -> f64 {
-    excess.powf(1.0 / ORDER).clamp(FALL.0, FALL.1)
 }
 
 /// What makes the links of a geometry, with exact pairs by the estimator that `method` asks for.

@@ -8,6 +8,7 @@ use radiosity_core::{
 };
 use radiosity_form_factors::Rows;
 use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
+use radiosity_form_factors::extended::ImagesError;
 use radiosity_form_factors::hemicube::HemicubeError;
 use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
@@ -106,6 +107,12 @@ pub enum RunError {
         /// Name of the store.
         store: &'static str,
     },
+    /// Specular surfaces show no images.
+    #[error(transparent)]
+    Images(#[from] ImagesError),
+    /// Rows that count arrivals by way of specular surfaces do not sum to 1.
+    #[error("form factors with specular bounces are not repaired: their rows need not sum to 1; leave out the repair")]
+    RepairExtended,
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {

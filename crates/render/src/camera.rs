@@ -128,6 +128,28 @@ impl Camera {
         let (dx, dy) = ((x - 0.5 * width) * pixel, (0.5 * height - y) * pixel);
         (self.forward + self.right * dx + self.up * dy).normalize()
     }
+
+    /// The ends in pixels, from the upper left corner, of what lies before the camera of a segment; `None` if nothing does.
+    ///
+    /// What begins beside or behind the eye is cut at 10⁻⁶ of its length before it.
+    pub fn project(&self, a: DVec3, b: DVec3) -> Option<[[f64; 2]; 2]> {
+        let [a, b] = [a, b].map(|p| p - self.eye);
+        let (da, db) = (a.dot(self.forward), b.dot(self.forward));
+        let near = 1e-6 * (b - a).length();
+        if da.max(db) <= near {
+            return None;
+        }
+        let cut =
+            |p: DVec3, dp: f64, q: DVec3, dq: f64| if dp < near { p + (q - p) * ((near - dp) / (dq - dp)) } else { p };
+        let pixel = 2.0 * self.half_height / f64::from(self.height);
+        Some([cut(a, da, b, db), cut(b, db, a, da)].map(|p| {
+            let scale = 1.0 / (p.dot(self.forward) * pixel);
+            [
+                0.5 * f64::from(self.width) + p.dot(self.right) * scale,
+                0.5 * f64::from(self.height) - p.dot(self.up) * scale,
+            ]
+        }))
+    }
 }
 
 #[cfg(test)]
@@ -148,6 +170,22 @@ mod tests {
         near(camera.direction(150.0, 200.0), DVec3::new(0.0, -1.0, -1.0));
         // Square pixels: 300 wide at 200 high.
         near(camera.direction(300.0, 100.0), DVec3::new(1.5, 0.0, -1.0));
+    }
+
+    /// What is seen in the direction of a place of the picture is projected there; a segment from behind the eye goes on beyond the picture.
+    #[test]
+    fn segments_are_projected_to_where_they_are_seen() {
+        let camera = camera();
+        let at = |x, y, distance| camera.eye() + camera.direction(x, y) * distance;
+        let [a, b] = camera.project(at(40.0, 170.5, 3.0), at(310.0, -20.0, 0.7)).unwrap();
+        let near = |a: [f64; 2], b: [f64; 2]| assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9, "{a:?} {b:?}");
+        near(a, [40.0, 170.5]);
+        near(b, [310.0, -20.0]);
+        let behind = at(150.0, 100.0, -5.0);
+        let [a, b] = camera.project(behind + DVec3::X, at(40.0, 100.0, 3.0)).unwrap();
+        near(b, [40.0, 100.0]);
+        assert!(a[0] < -1e4 && (a[1] - 100.0).abs() < -1e-6 * a[0], "{a:?}");
+        assert_eq!(camera.project(behind, behind + DVec3::Y), None);
     }
 
     #[test]

@@ -12,6 +12,7 @@
 
 pub mod brdf;
 pub mod camera;
+mod eye;
 pub mod false_colour;
 pub mod film;
 pub mod flat;
@@ -34,5 +35,5 @@ pub use path_class::{PathClass, PathClasses};
 pub use path_tracer::PathTracer;
 pub use stage::Stage;
 pub use tone::{Exposure, Tone};
-pub use two_pass::{FacetIrradiance, Field, Stored, TwoPass, TwoPassSettings};
+pub use two_pass::{Control, FacetIrradiance, Field, Stored, TwoPass, TwoPassSettings};
 pub use view::{BackFaces, View, ViewSettings, render};

@@ -16,6 +16,7 @@ use radiosity_core::Cost;
 
 use crate::Camera;
 use crate::brdf::{Frame, cosine_direction};
+use crate::eye;
 use crate::film::Film;
 use crate::numbers::Numbers;
 use crate::path_class::{Itinerary, PathClasses};
@@ -56,16 +57,14 @@ impl<'a> PathTracer<'a> {
 
     /// Another round of samples of every pixel of a camera, in W/(m² sr).
     pub fn expose(&self, camera: &Camera, seed: u64, film: &mut Film) {
-        film.expose(seed, |[x, y], numbers, value| {
-            let u = numbers.draw();
-            let direction = camera.direction(f64::from(x) + u[0], f64::from(y) + u[1]);
-            self.radiance(camera.eye(), direction, numbers, value)
+        eye::expose(self.stage, self.classes, (camera, seed), film, |walk, classes, numbers, value| {
+            self.follow(walk, classes, numbers, value)
         });
     }
 
     /// Adds a sample of the radiance that arrives at `origin` against `direction` to `value`.
     pub fn radiance(&self, origin: DVec3, direction: DVec3, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
-        self.follow(Walk::from_eye(origin, direction, self.stage.bands()), numbers, value)
+        self.follow(Walk::from_eye(origin, direction, self.stage.bands()), self.classes, numbers, value)
     }
 
     /// Adds a sample of the irradiance in W/m² of a point with a normal to `value`; classes are those of a diffuse surface there.
@@ -82,24 +81,25 @@ impl<'a> PathTracer<'a> {
         let (direction, density) = (frame.scene(local), Some(local.z * RADIANCE));
         cost += self.follow(
             Walk { origin: point, direction, weight, density, itinerary, scatterings: 0, worth: 1.0 / RADIANCE },
+            self.classes,
             numbers,
             value,
         );
         cost
     }
 
-    fn follow(&self, mut walk: Walk, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
+    fn follow(&self, mut walk: Walk, classes: PathClasses, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
         let mut cost = Cost::default();
         loop {
             cost.rays += 1;
-            let Some(arrival) = walk.arrive(self.stage, self.classes, value) else { return cost };
+            let Some(arrival) = walk.arrive(self.stage, classes, value) else { return cost };
             let Some(share) = self.share(&arrival) else { return cost };
             let goes_on = if numbers.draw()[0] < share {
                 self.reflect(&mut walk, &arrival, share, numbers, value, &mut cost);
                 true
             } else {
                 walk.weight.iter_mut().for_each(|w| *w /= 1.0 - share);
-                walk.scatter(self.stage, self.classes, &arrival, numbers, value, &mut cost)
+                walk.scatter(self.stage, classes, &arrival, numbers, value, &mut cost)
             };
             if !goes_on || !walk.survives(numbers) {
                 return cost;

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use radiosity_geometry::{Occluders, Scene};
+use radiosity_geometry::{Occluders, Polygon, Scene};
 
 use crate::brdf::SpecularSurfaces;
 
@@ -72,7 +72,7 @@ impl<'a> Stage<'a> {
                 lights.push((piece, until));
             }
         }
-        let density = |(power, (_, p)): (&f64, (usize, &radiosity_geometry::Polygon))| {
+        let density = |(power, (_, p)): (&f64, (usize, &Polygon))| {
             if *power > 0.0 { power / total / p.area() } else { 0.0 }
         };
         let densities = powers.iter().zip(scene.pieces()).map(density).collect();
@@ -122,6 +122,11 @@ impl<'a> Stage<'a> {
     /// Diffuse ρ of every band of a surface.
     pub fn reflectance(&self, surface: usize) -> &[f64] {
         &self.scene.materials[self.scene.surfaces[surface].material].reflectance
+    }
+
+    /// Polygons that emit.
+    pub fn lights(&self) -> impl Iterator<Item = &Polygon> {
+        self.lights.iter().map(|&(piece, _)| &self.occluders.polygons()[piece as usize])
     }
 
     /// A point on a light, drawn in proportion to power; `None` where there is no light.

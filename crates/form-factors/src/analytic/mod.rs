@@ -149,6 +149,16 @@ impl<'a> Analytic<'a> {
         Self { scene, visibility: PartialVisibility::default(), level: Level::best() }
     }
 
+    /// Of pairs whose segments must pass each of these convex windows: none that passes beside one counts. The surroundings of the windows
+    /// must be among the polygons that block; told of the windows, the estimator need not find out from many of them that a pair is hidden.
+    #[must_use]
+    pub fn through(mut self, windows: &[Polygon]) -> Self {
+        if let Some(Blockers { screens, .. }) = &mut self.scene {
+            Arc::make_mut(screens).set_windows(windows);
+        }
+        self
+    }
+
     /// Computes partial pairs by this rule.
     #[must_use]
     pub fn partial_visibility(self, visibility: PartialVisibility) -> Self {

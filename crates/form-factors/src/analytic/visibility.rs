@@ -81,6 +81,8 @@ pub(super) struct Screens {
     bodies: Vec<Vec<usize>>,
     /// The other polygons.
     singles: Vec<usize>,
+    /// Convex polygons through each of which every segment must pass; what surrounds them is among the others.
+    windows: Vec<Screen>,
 }
 
 /// A polygon with what its planes need.
@@ -103,12 +105,22 @@ impl Screens {
             screens: occluders.polygons().iter().map(Screen::new).collect(),
             bodies: bodies.iter().map(|body| body.faces.clone()).collect(),
             singles: (0..occluders.len()).filter(|&k| bodies.of(k).is_none()).collect(),
+            windows: Vec::new(),
         }
+    }
+
+    /// Hides pairs of which no segment passes one of `windows`. What blocks the segments that pass beside it must be a screen itself.
+    pub fn set_windows(&mut self, windows: &[Polygon]) {
+        self.windows = windows.iter().map(Screen::new).collect();
     }
 
     /// Sorts a pair by what lies between.
     pub fn classify(&self, occluders: &Occluders, pair: &FacingPair) -> Visibility {
         let mut search = Search::new(pair);
+        // Out of the way of a pair is a window through which no segment passes.
+        if self.windows.iter().any(|window| matches!(search.between(window), Between::Nothing)) {
+            return Visibility::Hidden;
+        }
         if self.takes_bodies() {
             self.singles.iter().for_each(|&k| search.visit(k, &self.screens[k]));
             self.bodies.iter().filter(|faces| !self.beside(faces, pair)).for_each(|faces| {

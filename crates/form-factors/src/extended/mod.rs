@@ -14,12 +14,15 @@
 //! | estimator | what | error |
 //! |---|---|---|
 //! | [`SpecularRays`] | any specular surface, any number of scatterings | noise, N^(−1/2) |
+//! | [`Images`] | planar, ideal mirrors; chains that end, or of a given length | that of the analytic estimator; symmetric |
 //!
 //! What is *not* here: scattering functions ([`radiosity_geometry::Scatter`] stands for them), and the sum of F and F′, which is a store
 //! ([`crate::stores::ExtendedFormFactors`]).
 
+mod images;
 mod rays;
 
+pub use images::{ImageRows, Images, ImagesError};
 pub use rays::{Mirrors, SpecularRays};
 
 /// How many specular scatterings in a row light may take between two diffuse ones.

@@ -82,6 +82,8 @@ impl Hierarchy {
             let [a, b] = self.pairs[k as usize].map(|child| self.nodes[child as usize]);
             let node = &mut self.nodes[k as usize];
             (node.area, node.begin, node.end) = (a.area + b.area, a.begin, b.end);
+            let [of_a, of_b] = self.pairs[k as usize].map(|child| self.share(child));
+            self.shares[k as usize] = (a.area * of_a + b.area * of_b) / (a.area + b.area);
         }
         let unit = 1.0 / POINTS as f32;
         let points = |k: u32| {

@@ -1,8 +1,13 @@
 //! Links and what all of them err by together.
 
+use rayon::prelude::*;
+
 use super::brightness::Brightness;
 use super::oracle::Contributions;
 use super::tree::{Hierarchy, NONE};
+
+/// Links that one task adds up; fixed, so that sums round alike at any number of threads.
+const PIECE: usize = 4096;
 
 /// One kernel for all pairs of elements of two nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,10 +15,20 @@ pub(super) struct Link {
     pub p: u32,
     pub q: u32,
     pub kernel: f32,
+    pub estimate: Estimate,
+}
+
+/// What a kernel may err by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Estimate {
     /// Standard deviation of F(x → q) over p, and of F(y → p) over q.
     pub varies: [f32; 2],
     /// What the kernel may be off by.
     pub wrong: f32,
+}
+
+impl Estimate {
+    pub const EXACT: Self = Self { varies: [0.0; 2], wrong: 0.0 };
 }
 
 /// Links that cover every pair of elements that may see each other once.
@@ -54,16 +69,17 @@ impl Links {
     /// may tend the same way, so that they are added by size.
     pub fn error(&self, hierarchy: &Hierarchy, brightness: &Brightness) -> f64 {
         let total = f64::from(hierarchy.nodes[0].area);
-        let pairs = self.links.iter().map(|link| (link, Contributions::of(hierarchy, brightness, link.p, link.q)));
+        let of = |link: &Link| Contributions::of(hierarchy, brightness, link.p, link.q);
         if brightness.linear {
-            let sum: f64 =
-                pairs.map(|(link, pair)| pair.errors(link.varies, link.wrong)).map(|[p, q]| f64::from(p + q)).sum();
-            return (sum / total).sqrt();
+            let square = |link: &Link| f64::from(of(link).square(link.estimate));
+            let parts: Vec<f64> = self.links.par_chunks(PIECE).map(|links| links.iter().map(square).sum()).collect();
+            return (parts.iter().sum::<f64>() / total).sqrt();
         }
         let mut off = vec![0.0_f64; hierarchy.len()];
-        for (link, pair) in pairs {
+        for link in &self.links {
+            let pair = of(link);
             for (k, node) in [link.p, link.q].into_iter().enumerate() {
-                off[node as usize] += f64::from(pair.missed(k, link.varies, link.wrong));
+                off[node as usize] += f64::from(pair.missed(k, link.estimate));
             }
         }
         let mut sum = 0.0;

@@ -28,6 +28,7 @@ mod sample;
 mod screens;
 mod shaft;
 mod tree;
+mod walls;
 
 use std::sync::Arc;
 

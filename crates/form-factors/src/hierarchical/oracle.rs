@@ -5,11 +5,12 @@
 //! σ_p the standard deviation of F(x → q) over x ∈ p, and δκ what κ itself may be off by:
 //!
 //! ```text
-//! ε_p² = A_p·[ (b_q σ_p)² + (s_q σ_q A_q/A_p)² + (b_q A_q δκ)² ],        accepted where ε_p² + ε_q² ≤ τ² Σ A
+//! ε_p² = A_p·[ (b_q σ_p)² + (s_q σ_q A_q/A_p)² + (b_q A_q δκ)² ],        accepted where w_p ε_p² + w_q ε_q² ≤ τ² Σ A
 //! ```
 //!
 //! This is the oracle B·F·A in the norm in which errors are reported, Σ A (H − H*)²: a node's own size counts, so that small nodes may
-//! see coarse partners. Refining the link with the largest ε² gains most for its cost, so all are brought below one threshold τ.
+//! see coarse partners; w ≥ 1 gives a surface smaller than the mean of all as much weight as that has, since small surfaces are often the
+//! bright ones and an area alone lets them err by several times what walls do. Refining the link with the largest ε² gains most for its cost, so all are brought below one threshold τ.
 //!
 //! δκ is c₄((R_p + R_q)/r)⁴ κ for the product rule between nodes of one plane, and the standard error of what was sampled where
 //! blockers or clusters take part (`sample`). Where nodes are nearer than samples can be trusted, a proven bound takes the place of all three:
@@ -28,7 +29,7 @@
 use radiosity_core::Cost;
 
 use super::brightness::Brightness;
-use super::links::Link;
+use super::links::{Estimate, Link};
 use super::refinement::{Linking, Search};
 use super::screens::{FLAT, Seen};
 use super::tree::{Hierarchy, Node};
@@ -48,7 +49,9 @@ const UNSEEN: f32 = 1.0 / 64.0;
 
 /// What the oracle needs of a pair: areas, brightness and its deviation.
 pub(super) struct Contributions {
-    pub area: [f32; 2],
+    area: [f32; 2],
+    /// How much more errors on either count than its area says.
+    share: [f32; 2],
     mean: [f32; 2],
     deviation: [f32; 2],
     /// What is left of σ on either receiver.
@@ -57,12 +60,13 @@ pub(super) struct Contributions {
 
 impl Contributions {
     pub fn of(hierarchy: &Hierarchy, brightness: &Brightness, p: u32, q: u32) -> Self {
-        let (a, b) = (p as usize, q as usize);
+        let (a, b, share) = (p as usize, q as usize, [p, q].map(|k| hierarchy.share(k)));
         let (p, q) = (&hierarchy.nodes[a], &hierarchy.nodes[b]);
         let ratio = (p.radius + q.radius) / p.centre.distance(q.centre).max(f32::MIN_POSITIVE);
         let left = |node: &Node| if brightness.linear && node.is_parallelogram() { ratio.min(1.0) } else { 1.0 };
         Self {
             area: [p.area, q.area],
+            share,
             mean: [brightness.mean[a], brightness.mean[b]],
             deviation: [brightness.deviation[a], brightness.deviation[b]],
             left: [left(p), left(q)],
@@ -70,24 +74,35 @@ impl Contributions {
     }
 
     /// ε_p/√A_p of the first node, or of the second: what its elements miss, in irradiance.
-    pub fn missed(&self, k: usize, varies: [f32; 2], wrong: f32) -> f32 {
+    pub fn missed(&self, k: usize, Estimate { varies, wrong }: Estimate) -> f32 {
         let (own, other, bright) = (self.area[k], self.area[1 - k], self.mean[1 - k]);
         let (missed, off) = (self.left[k] * bright * varies[k], bright * other * wrong);
         let uneven = self.deviation[1 - k] * varies[1 - k] * (other / own);
         (missed * missed + off * off + uneven * uneven).sqrt()
     }
 
-    /// ε_p² + ε_q², shared out by which node must be split to take it away.
-    pub fn errors(&self, varies: [f32; 2], wrong: f32) -> [f32; 2] {
+    /// w_p ε_p² + w_q ε_q², shared out by which node must be split to take it away.
+    pub fn weighted(&self, estimate: Estimate) -> [f32; 2] {
+        self.errors(estimate, self.share)
+    }
+
+    /// ε_p² + ε_q².
+    pub fn square(&self, estimate: Estimate) -> f32 {
+        let [p, q] = self.errors(estimate, [1.0; 2]);
+        p + q
+    }
+
+    fn errors(&self, Estimate { varies, wrong }: Estimate, share: [f32; 2]) -> [f32; 2] {
         let of = |k: usize| {
             let (own, other, bright) = (self.area[k], self.area[1 - k], self.mean[1 - k]);
             let (missed, off) = (self.left[k] * bright * varies[k], bright * other * wrong);
             let uneven = COHERENT * self.deviation[k] * varies[k];
-            own * (missed * missed + off * off + uneven * uneven * (own / other))
+            own * (share[k] * (missed * missed + off * off) + share[1 - k] * uneven * uneven * (own / other))
         };
         [of(0), of(1)]
     }
 }
+
 /// What two nodes' places say of the kernel between them.
 pub(super) struct Reach {
     /// No kernel of the pair is larger.
@@ -136,51 +151,59 @@ impl<P: Pairwise> Search<'_, P> {
     pub(super) fn judge(&self, [p, q]: [u32; 2], reach: &Reach, seen: Seen, blockers: &[u32], cost: &mut Cost) -> Step {
         let hierarchy = self.linking.hierarchy;
         let nodes = [p, q].map(|k| &hierarchy.nodes[k as usize]);
-        let leaf = nodes.map(Node::is_leaf);
         let pair = Contributions::of(hierarchy, self.brightness, p, q);
         if seen.through != [false; 2] {
             let larger = nodes[1].area > nodes[0].area;
             return Step::Split(usize::from(seen.through[1] && (larger || !seen.through[0])));
         }
         // What is known without a sample.
-        let clusters = nodes[0].is_cluster() || nodes[1].is_cluster();
-        let trusted = reach.ratio < TRUSTED;
+        let clusters = nodes.iter().any(|node| node.is_cluster());
         let bound = [(reach.most * pair.area[1]).min(1.0), (reach.most * pair.area[0]).min(1.0)];
-        let mut wrong = 0.5 * (bound[0] / pair.area[1]).min(bound[1] / pair.area[0]);
         // A cluster's elements hold what its links bring alike, whichever way they face.
         let held = nodes.map(|node| if node.is_cluster() { COHERENT } else { 1.0 });
-        let mut varies = [0.5 * held[0] * bound[0], 0.5 * held[1] * bound[1]];
-        let mut sample = None;
-        if trusted && !self.accepts(&pair, varies, wrong) {
-            let found = self.linking.sample([p, q], blockers, seen.finely, cost);
+        let mut estimate = Estimate {
+            varies: [0.5 * held[0] * bound[0], 0.5 * held[1] * bound[1]],
+            wrong: 0.5 * (bound[0] / pair.area[1]).min(bound[1] / pair.area[0]),
+        };
+        if reach.ratio >= TRUSTED && !self.accepts(&pair, estimate) {
+            return self.split([p, q], reach, estimate, cost);
+        }
+        let found = self.linking.sample([p, q], blockers, seen.finely, cost);
+        if reach.ratio < TRUSTED {
             let missed = if clusters {
                 UNSEEN * reach.most
             } else {
                 let rule = RULE * reach.ratio * reach.ratio * reach.ratio * reach.ratio * found.mean;
                 rule.max(if reach.straddles { HORIZON * reach.most } else { 0.0 })
             };
-            wrong = missed.hypot(found.noise).min(wrong);
+            estimate.wrong = missed.hypot(found.noise).min(estimate.wrong);
             for k in 0..2 {
                 // One element holds one value: what varies over it is no fault of a link.
-                varies[k] =
-                    if leaf[k] { 0.0 } else { (found.deviation[k] * pair.area[1 - k] * held[k]).min(varies[k]) };
+                let over = found.deviation[k] * pair.area[1 - k] * held[k];
+                estimate.varies[k] = if nodes[k].is_leaf() { 0.0 } else { over.min(estimate.varies[k]) };
             }
-            sample = Some(found);
         }
-        if self.accepts(&pair, varies, wrong) {
-            let found = sample.unwrap_or_else(|| self.linking.sample([p, q], blockers, seen.finely, cost));
+        if self.accepts(&pair, estimate) {
             // No form factor is above 1, and no kernel above its bound; points that nearly touch do not know.
             let kernel = found.mean.min(reach.most).min(1.0 / pair.area[0].max(pair.area[1]));
-            return Step::Keep(Link { p, q, kernel, varies, wrong });
+            return Step::Keep(Link { p, q, kernel, estimate });
         }
+        self.split([p, q], reach, estimate, cost)
+    }
+
+    /// What becomes of a pair whose link would err too much: two elements go to the exact estimator.
+    pub(super) fn split(&self, [p, q]: [u32; 2], reach: &Reach, estimate: Estimate, cost: &mut Cost) -> Step {
+        let hierarchy = self.linking.hierarchy;
+        let nodes = [p, q].map(|k| &hierarchy.nodes[k as usize]);
+        let leaf = nodes.map(Node::is_leaf);
         if leaf == [true; 2] {
             return self.exact(p, q, cost);
         }
         // The node that takes away more; where nothing is known but a bound, the larger.
-        let split = if trusted {
-            let errors = pair.errors(varies, wrong);
+        let split = if reach.ratio < TRUSTED {
+            let errors = Contributions::of(hierarchy, self.brightness, p, q).weighted(estimate);
             usize::from(errors[1] > errors[0])
-        } else if clusters {
+        } else if nodes.iter().any(|node| node.is_cluster()) {
             usize::from(nodes[1].radius > nodes[0].radius)
         } else {
             usize::from(nodes[1].area > nodes[0].area)
@@ -188,8 +211,8 @@ impl<P: Pairwise> Search<'_, P> {
         Step::Split(if leaf[split] { 1 - split } else { split })
     }
 
-    fn accepts(&self, pair: &Contributions, varies: [f32; 2], wrong: f32) -> bool {
-        let errors = pair.errors(varies, wrong);
+    fn accepts(&self, pair: &Contributions, estimate: Estimate) -> bool {
+        let errors = pair.weighted(estimate);
         errors[0] + errors[1] <= self.limit
     }
 
@@ -205,6 +228,6 @@ impl<P: Pairwise> Search<'_, P> {
         *cost += estimate.cost;
         let areas = hierarchy.weights[a as usize] * hierarchy.weights[b as usize];
         let kernel = (estimate.value * hierarchy.frame.scale.powi(2) / areas) as f32;
-        if kernel > 0.0 { Step::Keep(Link { p, q, kernel, varies: [0.0; 2], wrong: 0.0 }) } else { Step::Nothing }
+        if kernel > 0.0 { Step::Keep(Link { p, q, kernel, estimate: Estimate::EXACT }) } else { Step::Nothing }
     }
 }

@@ -7,13 +7,15 @@ use radiosity_geometry::{Facets, Occluders};
 use rayon::prelude::*;
 
 use super::brightness::Brightness;
-use super::links::{Link, Links};
+use super::links::{Estimate, Link, Links};
 use super::oracle::{Contributions, Reach, Step};
 use super::screens::{Between, Seen};
 use super::shaft::{Screens, Shaft};
 use super::tree::Hierarchy;
 use crate::Pairwise;
 
+/// Links that one task looks at.
+const PIECE: usize = 4096;
 /// Pairs that are handed to threads; fixed, so that the work is cut alike at any number of them.
 const TASKS: usize = 2048;
 
@@ -27,10 +29,24 @@ pub struct Linking<'a, P> {
     pub(super) seed: u64,
 }
 
-/// A pair still to be looked at, and the blockers that may stand between.
+/// A pair still to be looked at.
+#[derive(Clone, Copy)]
+struct Pair {
+    nodes: [u32; 2],
+    /// Its link, if that errs too much.
+    rejected: Option<Estimate>,
+}
+
+impl Pair {
+    fn new(nodes: [u32; 2]) -> Self {
+        Self { nodes, rejected: None }
+    }
+}
+
+/// A pair, and the blockers that may stand between.
 #[derive(Clone)]
 struct Task {
-    pair: [u32; 2],
+    pair: Pair,
     blockers: Vec<u32>,
 }
 
@@ -62,7 +78,7 @@ impl<'a, P: Pairwise> Linking<'a, P> {
             // A node of one plane sees nothing of itself.
             if self.hierarchy.nodes[k as usize].is_cluster() {
                 let children: Vec<u32> = self.hierarchy.children(k).collect();
-                pairs.push([children[0], children[1]]);
+                pairs.push(Pair::new([children[0], children[1]]));
                 selves.extend(children);
             }
         }
@@ -74,17 +90,26 @@ impl<'a, P: Pairwise> Linking<'a, P> {
     /// Refines the links that err by more than τ = `threshold` and leaves the others as they are; what that cost.
     pub fn refine(&self, links: &mut Links, threshold: f64, brightness: &Brightness) -> Cost {
         let limit = self.limit(threshold);
+        let good = |link: &Link| {
+            let [of_p, of_q] = Contributions::of(self.hierarchy, brightness, link.p, link.q).weighted(link.estimate);
+            of_p + of_q <= limit
+        };
+        let keep: Vec<bool> = links.links.par_iter().with_min_len(PIECE).map(good).collect();
+        let mut keep = keep.into_iter();
         let mut pairs = Vec::new();
         links.links.retain(|link| {
-            let pair = Contributions::of(self.hierarchy, brightness, link.p, link.q);
-            let [of_p, of_q] = pair.errors(link.varies, link.wrong);
-            let keep = of_p + of_q <= limit;
+            let keep = keep.next() == Some(true);
             if !keep {
-                pairs.push([link.p, link.q]);
+                pairs.push(Pair { nodes: [link.p, link.q], rejected: Some(link.estimate) });
             }
             keep
         });
         self.settle(&pairs, threshold, brightness, links)
+    }
+
+    /// Estimated rms error of irradiance by all links, see [`Links::error`].
+    pub fn error(&self, links: &Links, brightness: &Brightness) -> f64 {
+        links.error(self.hierarchy, brightness)
     }
 
     fn limit(&self, threshold: f64) -> f32 {
@@ -92,10 +117,10 @@ impl<'a, P: Pairwise> Linking<'a, P> {
     }
 
     /// Adds links of all pairs and those below them: in breadth until there are enough of them, then in depth, in parallel.
-    fn settle(&self, pairs: &[[u32; 2]], threshold: f64, brightness: &Brightness, links: &mut Links) -> Cost {
+    fn settle(&self, pairs: &[Pair], threshold: f64, brightness: &Brightness, links: &mut Links) -> Cost {
         let search = Search { linking: self, brightness, limit: self.limit(threshold) };
         let all: Vec<u32> = self.screens.iter().map(Screens::root).collect();
-        let task = |&pair: &[u32; 2]| Task { pair, blockers: all.clone() };
+        let task = |&pair: &Pair| Task { pair, blockers: all.clone() };
         // Many pairs get their lists when they are looked at: all lists at once take more than the links.
         if pairs.len() >= TASKS {
             return search.descend_all(pairs, task, links);
@@ -104,14 +129,14 @@ impl<'a, P: Pairwise> Linking<'a, P> {
         let mut tasks: Vec<Task> = pairs.iter().map(task).collect();
         while !tasks.is_empty() && tasks.len() < TASKS {
             let mut next = Vec::new();
-            for Task { pair: [p, q], blockers: mut list } in tasks {
+            for Task { pair, blockers: mut list } in tasks {
                 let given = list.len();
-                match search.step(p, q, 0..given, &mut list, &mut cost) {
+                match search.step(pair, 0..given, &mut list, &mut cost) {
                     Step::Nothing => {}
                     Step::Keep(link) => links.links.push(link),
                     Step::Split(side) => {
                         let found = &list[given..];
-                        let pairs = search.child_pairs(p, q, side);
+                        let pairs = search.child_pairs(pair, side);
                         next.extend(pairs.map(|pair| Task { pair, blockers: found.to_vec() }));
                     }
                 }
@@ -131,11 +156,10 @@ pub(super) struct Search<'a, P> {
 }
 
 impl<'a, P: Pairwise> Search<'a, P> {
-    fn child_pairs(&self, p: u32, q: u32, side: usize) -> impl Iterator<Item = [u32; 2]> + use<'a, P> {
-        let hierarchy = self.linking.hierarchy;
-        hierarchy
-            .children(if side == 0 { p } else { q })
-            .map(move |child| if side == 0 { [child, q] } else { [p, child] })
+    fn child_pairs(&self, pair: Pair, side: usize) -> impl Iterator<Item = Pair> + use<'a, P> {
+        let [p, q] = pair.nodes;
+        let children = self.linking.hierarchy.children(pair.nodes[side]);
+        children.map(move |child| Pair::new(if side == 0 { [child, q] } else { [p, child] }))
     }
 
     /// Adds links of all of a list and those below them, each in depth, in parallel over pieces of the list.
@@ -144,9 +168,9 @@ impl<'a, P: Pairwise> Search<'a, P> {
             .par_chunks(all.len().div_ceil(TASKS).max(1))
             .map(|piece| {
                 let (mut links, mut cost) = (Vec::new(), Cost::default());
-                for Task { pair: [p, q], blockers: mut list } in piece.iter().map(&task) {
+                for Task { pair, blockers: mut list } in piece.iter().map(&task) {
                     let given = list.len();
-                    self.descend(p, q, 0..given, &mut list, &mut links, &mut cost);
+                    self.descend(pair, 0..given, &mut list, &mut links, &mut cost);
                 }
                 (links, cost)
             })
@@ -161,23 +185,15 @@ impl<'a, P: Pairwise> Search<'a, P> {
     }
 
     /// Links of a pair and all below it; the blockers are a range of the list.
-    fn descend(
-        &self,
-        p: u32,
-        q: u32,
-        given: Range<usize>,
-        list: &mut Vec<u32>,
-        links: &mut Vec<Link>,
-        cost: &mut Cost,
-    ) {
+    fn descend(&self, pair: Pair, given: Range<usize>, list: &mut Vec<u32>, links: &mut Vec<Link>, cost: &mut Cost) {
         let top = list.len();
-        match self.step(p, q, given, list, cost) {
+        match self.step(pair, given, list, cost) {
             Step::Nothing => {}
             Step::Keep(link) => links.push(link),
             Step::Split(side) => {
                 let found = top..list.len();
-                for [p, q] in self.child_pairs(p, q, side) {
-                    self.descend(p, q, found.clone(), list, links, cost);
+                for child in self.child_pairs(pair, side) {
+                    self.descend(child, found.clone(), list, links, cost);
                 }
             }
         }
@@ -185,8 +201,8 @@ impl<'a, P: Pairwise> Search<'a, P> {
     }
 
     /// What becomes of a pair among the blockers at `given` of the list; those that may stand between are appended.
-    fn step(&self, p: u32, q: u32, given: Range<usize>, list: &mut Vec<u32>, cost: &mut Cost) -> Step {
-        let hierarchy = self.linking.hierarchy;
+    fn step(&self, pair: Pair, given: Range<usize>, list: &mut Vec<u32>, cost: &mut Cost) -> Step {
+        let (hierarchy, [p, q]) = (self.linking.hierarchy, pair.nodes);
         let Some(reach) = Reach::of(hierarchy, p, q) else { return Step::Nothing };
         let (top, mut seen) = (list.len(), Seen::default());
         if let Some(screens) = self.linking.screens.as_ref().filter(|_| !given.is_empty()) {
@@ -199,6 +215,9 @@ impl<'a, P: Pairwise> Search<'a, P> {
                 Between::Some(found) => seen = found,
             }
         }
-        self.judge([p, q], &reach, seen, &list[top..], cost)
+        match pair.rejected {
+            Some(estimate) => self.split([p, q], &reach, estimate, cost),
+            None => self.judge([p, q], &reach, seen, &list[top..], cost),
+        }
     }
 }

@@ -7,10 +7,10 @@
 //! children. What is left is tested segment by segment.
 
 use glam::{DVec3, Vec3};
-use radiosity_geometry::Polygon;
 
 use super::shaft::Shaft;
 use super::tree::{Frame, Node};
+use super::walls::Wall;
 
 /// Distance, in units of half the scene, within which points count as lying in a plane: a few times the rounding of single precision.
 pub(super) const FLAT: f32 = 1e-6;
@@ -20,14 +20,30 @@ const POINT: f64 = 2e-7;
 /// Radius, in units of a node's, from which on a polygon may part the node.
 pub(super) const PARTING: f32 = 0.5;
 
+/// A box, by its centre and half its size.
+pub(super) struct Bounds {
+    pub centre: Vec3,
+    pub half: Vec3,
+}
+
+impl Bounds {
+    pub fn of(points: impl Iterator<Item = Vec3>) -> Self {
+        let (lo, hi) = points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        Self { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo) }
+    }
+}
+
 /// A polygon that blocks.
 pub(super) struct Screen {
+    pub bounds: Bounds,
     normal: Vec3,
     height: f32,
     pub middle: Vec3,
     pub corners: Vec<Vec3>,
     /// The polygon lies no further from its middle.
-    pub radius: f32,
+    radius: f32,
+    /// The same of the largest of the polygons that it was joined from.
+    pub part: f32,
     /// A point and the normal of the plane, and inward normals m of the edges with m·x on them, for segments.
     point: DVec3,
     exact_normal: DVec3,
@@ -62,7 +78,8 @@ impl Seen {
 }
 
 impl Screen {
-    pub fn new(polygon: &Polygon, frame: &Frame) -> Self {
+    pub fn new(wall: &Wall, frame: &Frame) -> Self {
+        let polygon = &wall.polygon;
         let exact = |v: DVec3| (v - frame.middle) * frame.scale;
         let normal = polygon.normal();
         let side = |(a, b): (DVec3, DVec3)| {
@@ -72,10 +89,12 @@ impl Screen {
         let middle = frame.point(polygon.centroid());
         let corners: Vec<Vec3> = polygon.vertices().iter().map(|v| frame.point(*v)).collect();
         Self {
+            bounds: Bounds::of(corners.iter().copied()),
             normal: normal.as_vec3(),
             height: normal.dot(exact(polygon.centroid())) as f32,
             middle,
             radius: corners.iter().map(|v| v.distance(middle)).fold(0.0, f32::max),
+            part: (wall.part * frame.scale) as f32,
             corners,
             point: exact(polygon.centroid()),
             exact_normal: normal,
@@ -140,10 +159,10 @@ impl Screen {
         some
     }
 
-    /// Whether the polygon passes through a node, as far as spheres tell, and is not much smaller than the node: what smaller things hide is
-    /// for segments to find.
+    /// Whether the polygon passes through a node, as far as spheres tell, and its parts are not much smaller than the node: what smaller
+    /// things hide is for segments to find.
     fn passes(&self, node: &Node, height: f32, reach: f32, normal: Option<Vec3>) -> bool {
-        if self.radius < PARTING * node.radius || height.abs() >= reach - FLAT || node.is_leaf() {
+        if self.part < PARTING * node.radius || height.abs() >= reach - FLAT || node.is_leaf() {
             return false;
         }
         let (x, radius) = (node.centre.as_dvec3(), f64::from(node.radius));
@@ -154,8 +173,8 @@ impl Screen {
         })
     }
 
-    /// Whether the open segment x y properly crosses the polygon; what passes an edge within rounding is held to meet it. Nodes in the
-    /// polygon's plane have been sorted out before, so that no distance from the plane is too small to count.
+    /// Whether the open segment x y properly crosses the polygon; what passes an edge within rounding is held to meet it. Its ends are lifted off
+    /// their surfaces, so that no distance from the plane is too small to count.
     pub fn crosses(&self, x: DVec3, y: DVec3) -> bool {
         let height = |v: DVec3| (v - self.point).dot(self.exact_normal);
         let (d_x, d_y) = (height(x), height(y));

@@ -11,6 +11,7 @@
 //! cluster holds two nodes of different planes and is known by its sphere and a few points (`clusters`). Every node takes one cache line:
 //! refinement looks at pairs of them in no order, and what it reads of a node it reads all at once.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
@@ -119,8 +120,8 @@ impl Frame {
     }
 
     /// Back to the coordinates of the scene.
-    pub fn space(&self, v: Vec3) -> DVec3 {
-        v.as_dvec3() / self.scale + self.middle
+    pub fn space(&self, v: DVec3) -> DVec3 {
+        v / self.scale + self.middle
     }
 }
 
@@ -139,6 +140,8 @@ pub struct Hierarchy {
     /// Area of every element in the hierarchy's unit, to 26 bits, so that products with a single-precision number are exact.
     pub(super) weights: Vec<f64>,
     pub(super) normals: Vec<Vec3>,
+    /// What the error of a piece counts more than its area says, see [`Self::share`]; of a cluster the mean over its pieces.
+    pub(super) shares: Vec<f32>,
     /// Children of the clusters, which come before all other nodes.
     pub(super) pairs: Vec<[u32; 2]>,
     /// Nodes of every piece.
@@ -158,8 +161,8 @@ impl Hierarchy {
         assert!(!exposed.is_empty(), "a hierarchy of no elements");
         assert_eq!(exposed.len(), elements.len(), "{} indices of {} elements", exposed.len(), elements.len());
         let frame = Frame::of(elements);
-        // Runs of elements of one piece, each with its place in the grid.
-        let mut runs: Vec<(&Piece, Range<u32>)> = Vec::new();
+        // Runs of elements of one piece, each with its surface; places of elements in the grid.
+        let mut runs: Vec<(&Piece, u32, Range<u32>)> = Vec::new();
         let mut places: Vec<[u32; 2]> = Vec::new();
         for (e, &k) in (0_u32..).zip(exposed) {
             let element = &mesh.elements[k as usize];
@@ -168,13 +171,15 @@ impl Hierarchy {
             let column = element.i - piece.offset();
             places.push([if piece.corners().len() == 3 { column / 2 } else { column }, element.j]);
             match runs.last_mut() {
-                Some((last, run)) if std::ptr::eq(*last, piece) => run.end = e + 1,
-                _ => runs.push((piece, e..e + 1)),
+                Some((last, _, run)) if std::ptr::eq(*last, piece) => run.end = e + 1,
+                _ => runs.push((piece, element.surface, e..e + 1)),
             }
         }
+        let surfaces: Vec<u32> = runs.iter().map(|(_, surface, _)| *surface).collect();
         let trees: Vec<Tree> =
-            runs.into_par_iter().map(|(piece, run)| Builder::tree(elements, &places, &frame, piece, run)).collect();
-        Self::join(trees, elements, frame)
+            runs.into_par_iter().map(|(piece, _, run)| Builder::tree(elements, &places, &frame, piece, run)).collect();
+        let shares = shares(&surfaces, &trees);
+        Self::join(trees, &shares, elements, frame)
     }
 
     /// Number of nodes.
@@ -248,8 +253,15 @@ impl Hierarchy {
         (x, self.normals[node.plane as usize])
     }
 
-    /// Trees of pieces under clusters.
-    fn join(mut trees: Vec<Tree>, facets: &Facets, frame: Frame) -> Self {
+    /// How much more an error on a node counts than its area says: a surface smaller than the mean of all surfaces counts as much as that.
+    /// A norm that is over areas alone leaves small surfaces to err by several times what large ones do.
+    pub(super) fn share(&self, k: u32) -> f32 {
+        let plane = self.nodes[k as usize].plane;
+        self.shares[if plane == NONE { k as usize } else { self.pairs.len() + plane as usize }]
+    }
+
+    /// Trees of pieces, whose errors count so many times, under clusters.
+    fn join(mut trees: Vec<Tree>, shares: &[f32], facets: &Facets, frame: Frame) -> Self {
         let roots = (0..).zip(&trees).map(|(k, tree)| (k, tree.nodes[0].centre, tree.nodes[0].radius));
         let clusters = Clusters::of(roots.collect());
         let inner = clusters.inner;
@@ -265,7 +277,7 @@ impl Hierarchy {
         nodes.reserve_exact(at_node as usize - nodes.len());
         parents.reserve_exact(at_node as usize - parents.len());
         let mut order = Vec::with_capacity(at_place as usize);
-        let (mut normals, mut pieces) = (Vec::new(), Vec::new());
+        let (mut normals, mut pieces, mut counted) = (Vec::new(), Vec::new(), vec![0.0; inner as usize]);
         for &(k, parent) in &clusters.order {
             let tree = &mut trees[k as usize];
             let (node_base, place_base) = of_tree[k as usize];
@@ -280,6 +292,7 @@ impl Hierarchy {
             parents.append(&mut tree.parents);
             order.append(&mut tree.order);
             normals.push(tree.normal.as_vec3());
+            counted.push(shares[k as usize]);
         }
         // Clusters name pieces by their number beyond that of the clusters.
         let mut pairs = clusters.pairs;
@@ -293,10 +306,22 @@ impl Hierarchy {
         let square = frame.scale * frame.scale;
         let weights = (0..order.len()).map(|e| to_26_bits(facets.area(e) * square)).collect();
         let spread = Vec::new();
-        let mut all = Self { nodes, parents, elements, leaves, order, weights, normals, pairs, pieces, spread, frame };
+        let shares = counted;
+        let mut all =
+            Self { nodes, parents, elements, leaves, order, weights, normals, shares, pairs, pieces, spread, frame };
         all.finish_clusters(facets, inner);
         all
     }
+}
+
+/// max(1, ⟨A⟩/A) of the surface of every tree, A its area and ⟨A⟩ the mean over surfaces.
+fn shares(surfaces: &[u32], trees: &[Tree]) -> Vec<f32> {
+    let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
+    for (surface, tree) in surfaces.iter().zip(trees) {
+        *areas.entry(*surface).or_default() += f64::from(tree.nodes[0].area);
+    }
+    let mean = areas.values().sum::<f64>() / areas.len() as f64;
+    surfaces.iter().map(|surface| (mean / areas[surface]).max(1.0) as f32).collect()
 }
 
 /// A number rounded to 26 significant bits.

@@ -4,54 +4,64 @@ use radiosity_core::{BandValues, Bands, BandsMut, Cost, Entries, FormFactors, Pr
 
 use super::SparseFormFactors;
 
-/// F + F′: form factors in any store, and extended ones ([`crate::extended`]) in sparse tables, one for each group of bands that share one.
+/// F + F′: form factors in any store, and extended ones ([`crate::extended`]) in sparse tables, each of which counts in every band with a weight of its own.
 ///
-/// *Memory*: that of both. *Reads*: a product reads both once for every group of bands. Symmetric if F and the one table are.
+/// *Memory*: that of all. *Reads*: a product reads each once for all bands in which it counts. Symmetric in every band if F and all tables are.
 pub struct ExtendedFormFactors<'a> {
     straight: &'a dyn FormFactors,
-    tables: Vec<SparseFormFactors>,
-    /// The table of every band.
-    of_band: Vec<usize>,
+    tables: Vec<Table>,
+    per_band: bool,
+}
+
+/// A part of F′.
+struct Table {
+    entries: SparseFormFactors,
+    /// What it counts in each band.
+    weights: Vec<f64>,
 }
 
 impl<'a> ExtendedFormFactors<'a> {
-    /// `straight` with table `of_band[b]` added in band b. A single table serves any number of bands.
+    /// `straight` with every table added, times its weight in each band. Tables whose weights are alike in all bands serve any number of bands.
     ///
     /// # Panics
     ///
-    /// If a table does not fit, there is none, or `straight` differs between bands itself.
-    pub fn new(straight: &'a dyn FormFactors, tables: Vec<SparseFormFactors>, of_band: Vec<usize>) -> Self {
-        assert!(!tables.is_empty() && of_band.iter().all(|&t| t < tables.len()), "tables of bands");
+    /// If a table does not fit, its weights are not as many as those of the others, finite and at least 0, or `straight` differs between bands itself.
+    pub fn new(straight: &'a dyn FormFactors, tables: Vec<(SparseFormFactors, Vec<f64>)>) -> Self {
         assert!(!straight.properties().per_band, "form factors that are per band already");
-        for table in &tables {
+        for (table, weights) in &tables {
             let ends = |store: &dyn FormFactors| (store.sources(), store.targets());
             assert_eq!(ends(table), ends(straight), "extended form factors of another mesh");
+            assert!(!weights.is_empty() && weights.len() == tables[0].1.len(), "weights of bands");
+            assert!(weights.iter().all(|w| w.is_finite() && *w >= 0.0), "weights of bands");
         }
-        Self { straight, tables, of_band }
+        let per_band = tables.iter().any(|(_, weights)| weights.iter().any(|w| *w != weights[0]));
+        let tables = tables.into_iter().map(|(entries, weights)| Table { entries, weights }).collect();
+        Self { straight, tables, per_band }
     }
 
-    fn table(&self, band: usize) -> &SparseFormFactors {
-        if self.tables.len() == 1 { &self.tables[0] } else { &self.tables[self.of_band[band]] }
+    /// What a table counts in a band.
+    fn weight(&self, table: &Table, band: usize) -> f64 {
+        table.weights[if self.per_band { band } else { 0 }]
     }
 
-    /// `apply` of every table to its bands.
+    /// Adds `apply` of every table, times its weights, to `y`.
     fn product(
         &self,
         x: Bands<'_>,
         mut y: BandsMut<'_>,
         apply: impl Fn(&SparseFormFactors, Bands<'_>, BandsMut<'_>) -> Result<Cost, StoreError>,
     ) -> Result<Cost, StoreError> {
-        if let [table] = &self.tables[..] {
-            return apply(table, x, y);
-        }
         let mut cost = Cost::default();
-        for (k, table) in self.tables.iter().enumerate() {
-            let own: Vec<usize> = (0..x.count()).filter(|&b| self.of_band[b] == k).collect();
+        for table in &self.tables {
+            let own: Vec<usize> = (0..x.count()).filter(|&b| self.weight(table, b) > 0.0).collect();
             let mut from = BandValues::zeros(own.len(), x.len());
             let mut to = BandValues::zeros(own.len(), y.len());
             own.iter().enumerate().for_each(|(at, &b)| from.band_mut(at).copy_from_slice(x.band(b)));
-            cost += apply(table, from.view(), to.view_mut())?;
-            own.iter().enumerate().for_each(|(at, &b)| y.band(b).copy_from_slice(to.band(at)));
+            cost += apply(&table.entries, from.view(), to.view_mut())?;
+            for (at, &b) in own.iter().enumerate() {
+                let weight = self.weight(table, b);
+                y.band(b).iter_mut().zip(to.band(at)).for_each(|(y, more)| *y += weight * more);
+            }
         }
         Ok(cost)
     }
@@ -63,11 +73,8 @@ impl<'a> ExtendedFormFactors<'a> {
         mut y: BandsMut<'_>,
         apply: impl Fn(&dyn FormFactors, Bands<'_>, BandsMut<'_>) -> Result<Cost, StoreError>,
     ) -> Result<Cost, StoreError> {
-        let mut specular = BandValues::zeros(y.count(), y.len());
         let cost = apply(self.straight, x, y.reborrow())?;
-        let more = self.product(x, specular.view_mut(), |table, x, y| apply(table, x, y))?;
-        y.values().iter_mut().zip(specular.values()).for_each(|(y, more)| *y += more);
-        Ok(cost + more)
+        Ok(cost + self.product(x, y, |table, x, y| apply(table, x, y))?)
     }
 }
 
@@ -86,11 +93,10 @@ impl FormFactors for ExtendedFormFactors<'_> {
 
     fn properties(&self) -> Properties {
         let straight = self.straight.properties();
-        let tables = self.tables.iter().map(FormFactors::properties);
-        let per_band = self.tables.len() > 1;
+        let tables = self.tables.iter().map(|table| table.entries.properties());
         Properties {
-            symmetric: straight.symmetric && !per_band && tables.clone().all(|table| table.symmetric),
-            per_band,
+            symmetric: straight.symmetric && tables.clone().all(|table| table.symmetric),
+            per_band: self.per_band,
             stored_bytes: straight.stored_bytes + tables.map(|table| table.stored_bytes).sum::<u64>(),
             rounding: straight.rounding,
         }
@@ -102,10 +108,13 @@ impl FormFactors for ExtendedFormFactors<'_> {
         buf.values.clear();
         buf.values.resize(self.targets(), 0.0);
         row.entries.for_each(|t, value| buf.values[t] = value);
-        let mut more = RowBuf::default();
-        let specular = self.table(band).row(s, band, &mut more)?;
-        specular.entries.for_each(|t, value| buf.values[t] += value);
-        Ok(Row { entries: Entries::Dense(&buf.values), cost: row.cost + specular.cost })
+        let (mut more, mut cost) = (RowBuf::default(), row.cost);
+        for table in &self.tables {
+            let (weight, row) = (self.weight(table, band), table.entries.row(s, band, &mut more)?);
+            row.entries.for_each(|t, value| buf.values[t] += weight * value);
+            cost += row.cost;
+        }
+        Ok(Row { entries: Entries::Dense(&buf.values), cost })
     }
 
     fn gather(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {

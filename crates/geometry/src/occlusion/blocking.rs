@@ -1,4 +1,4 @@
-//! Which pieces of a scene can block anything.
+//! Which polygons can block anything.
 
 use glam::DVec3;
 
@@ -10,24 +10,40 @@ use crate::{Polygon, Scene};
 /// Left out are pieces with all vertices of the scene on one side of their plane or in it (within the margin of
 /// [`Occluders::occluded`]): the walls of a convex room. Of an empty convex room nothing is left.
 pub fn blocking_polygons(scene: &Scene) -> Vec<(usize, &Polygon)> {
-    let vertices: Vec<DVec3> = scene.pieces().flat_map(|(_, p)| p.vertices().iter().copied()).collect();
-    let rounding = Occluders::rounding(scene);
-    // The extreme vertices of some directions first: they decide for most pieces.
-    let mut order: Vec<DVec3> = Vec::new();
-    for k in 0..27 {
-        let direction = DVec3::new((k % 3) as f64 - 1.0, (k / 3 % 3) as f64 - 1.0, (k / 9) as f64 - 1.0);
-        order.extend(vertices.iter().copied().max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction))));
+    let vertices = scene.pieces().flat_map(|(_, p)| p.vertices().iter().copied()).collect();
+    let ends = Ends::new(vertices, Occluders::rounding(scene));
+    scene.pieces().filter(|(_, p)| ends.parted_by(p)).collect()
+}
+
+/// Points between which segments may run.
+#[derive(Clone, Debug)]
+pub struct Ends {
+    points: Vec<DVec3>,
+    rounding: f64,
+}
+
+impl Ends {
+    /// Segments between any of `points` and those of their convex hull, whose coordinates err by `rounding`.
+    pub fn new(mut points: Vec<DVec3>, rounding: f64) -> Self {
+        // The extreme points of some directions first: they decide for most polygons.
+        let mut order: Vec<DVec3> = Vec::with_capacity(points.len() + 27);
+        for k in 0..27 {
+            let direction = DVec3::new((k % 3) as f64 - 1.0, (k / 3 % 3) as f64 - 1.0, (k / 9) as f64 - 1.0);
+            order.extend(points.iter().copied().max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction))));
+        }
+        order.append(&mut points);
+        Self { points: order, rounding }
     }
-    order.extend(&vertices);
-    let blocks = |p: &Polygon| {
-        let margin = rounding + 2.0 * p.thickness();
+
+    /// Whether points lie on both sides of a polygon's plane, beyond rounding: if not, it blocks none of the segments.
+    pub fn parted_by(&self, polygon: &Polygon) -> bool {
+        let margin = self.rounding + 2.0 * polygon.thickness();
         let (mut before, mut behind) = (false, false);
-        order.iter().any(|v| {
-            let d = p.signed_distance(*v);
+        self.points.iter().any(|v| {
+            let d = polygon.signed_distance(*v);
             before |= d > margin;
             behind |= d < -margin;
             before && behind
         })
-    };
-    scene.pieces().filter(|(_, p)| blocks(p)).collect()
+    }
 }

@@ -23,7 +23,7 @@ mod outlook;
 use glam::DVec3;
 use obvhs::aabb::Aabb;
 
-pub use self::blocking::blocking_polygons;
+pub use self::blocking::{Ends, blocking_polygons};
 use self::cells::Cells;
 use self::descent::{Slabs, Space, descend_in_order, descend_until};
 use self::hierarchy::{Hierarchy, OutwardBox, Place};

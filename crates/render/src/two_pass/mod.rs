@@ -10,21 +10,28 @@
 //! | part of H at x | stored | emitters sampled | final gather |
 //! |---|---|---|---|
 //! | from a light | from the mesh | points drawn on lights | points drawn on lights |
-//! | from a light by way of S | from the mesh | from the mesh | directions followed by way of S |
+//! | from a light by way of S | from the mesh | from the mesh | from the mesh |
 //! | from diffuse surfaces, by way of S or not | from the mesh | from the mesh | directions followed to their ρ H/π |
 //!
 //! So every path belongs to one pass whichever is chosen, and no path counts twice: light of the first kind is drawn and never stored as well, what a gather
-//! meets without S on the way counts ρ H and not E. Where H is stored by its ways of arriving ([`Stored::Apart`]), every class of paths ([`PathClass`]) can be had alone.
+//! meets counts ρ H and not E. Where H is stored by its ways of arriving ([`Stored::Apart`]), every class of paths ([`PathClass`]) can be had alone. Light by way of S stays
+//! with the mesh: a direction in thousands meets it, at a thousand times the brightness of the rest.
 //!
-//! Errors: those of the mesh at x where H is stored; where it is gathered, those of the mesh at the surfaces around, averaged over directions, and noise.
+//! Errors: those of the mesh at x where H is stored; where it is gathered, those of the mesh at the surfaces around, averaged over directions, and noise. Indirect light
+//! is smooth but near contacts and in corners, and a mesh holds it there at no cost a sample; [`Control`] tells where it does not, and is gathered from.
 //!
 //! What is *not* here: the first pass.
+
+mod control;
+
+pub use control::Control;
 
 use glam::DVec3;
 use radiosity_core::{BandValues, Cost};
 
 use crate::Camera;
 use crate::brdf::cosine_direction;
+use crate::eye;
 use crate::film::Film;
 use crate::numbers::Numbers;
 use crate::path_class::{Arrival as Way, PathClass, PathClasses};
@@ -64,7 +71,7 @@ const WAYS: [Way; 4] = [Way::Direct, Way::SpecularDirect, Way::Indirect, Way::Sp
 pub struct TwoPassSettings {
     /// Points drawn on lights for every diffuse surface that is seen; 0 takes direct light from the mesh.
     pub light_points: u32,
-    /// Directions gathered for every diffuse surface that is seen; 0 takes indirect light from the mesh.
+    /// Directions gathered for every diffuse surface that is seen, where [`TwoPass::controlled`] allows; 0 takes indirect light from the mesh.
     pub gather: u32,
 }
 
@@ -74,7 +81,7 @@ pub struct TwoPassSettings {
 pub enum TwoPassError {
     /// Parts of H are asked for that are not stored apart.
     #[error(
-        "the irradiance of the first pass is one sum; to leave parts of it out, or to sample lights without a final gather, store it by its ways of arriving"
+        "the irradiance of the first pass is one sum; to leave parts of it out, to sample lights or to gather, store it by its ways of arriving"
     )]
     OneSum,
     /// A gather without direct light.
@@ -91,6 +98,7 @@ pub struct TwoPass<'a> {
     stored: Stored<'a>,
     settings: TwoPassSettings,
     classes: PathClasses,
+    control: Option<&'a Control>,
 }
 
 impl<'a> TwoPass<'a> {
@@ -111,27 +119,35 @@ impl<'a> TwoPass<'a> {
         let has = |arrival, specular_eye| classes.has(PathClass { arrival, specular_eye });
         let mixed = |eye: bool| WAYS.iter().any(|way| has(*way, eye) != has(WAYS[0], eye));
         let apart = matches!(stored, Stored::Apart(_));
-        let whole = settings.gather > 0 || (settings.light_points == 0 && !mixed(false) && !mixed(true));
+        let whole = settings.light_points == 0 && !mixed(false) && !mixed(true);
         if !apart && !whole {
             return Err(TwoPassError::OneSum);
         }
-        Ok(Self { stage, stored, settings, classes })
+        Ok(Self { stage, stored, settings, classes, control: None })
+    }
+
+    /// Gathers from no facets but those that `control` names.
+    #[must_use]
+    pub fn controlled(self, control: &'a Control) -> Self {
+        Self { control: Some(control), ..self }
     }
 
     /// Another round of samples of every pixel of a camera, in W/(m² sr).
     pub fn expose(&self, camera: &Camera, seed: u64, film: &mut Film) {
-        film.expose(seed, |[x, y], numbers, value| {
-            let u = numbers.draw();
-            let direction = camera.direction(f64::from(x) + u[0], f64::from(y) + u[1]);
-            self.radiance(camera.eye(), direction, numbers, value)
+        eye::expose(self.stage, self.classes, (camera, seed), film, |walk, classes, numbers, value| {
+            self.see(walk, classes, numbers, value)
         });
     }
 
     /// Adds a sample of the radiance that arrives at `origin` against `direction` to `value`.
     pub fn radiance(&self, origin: DVec3, direction: DVec3, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
-        let walk = Walk::from_eye(origin, direction, self.stage.bands());
-        self.follow(walk, self.classes, numbers, value, &|walk, arrival, numbers, value| {
-            if self.settings.gather > 0 {
+        self.see(Walk::from_eye(origin, direction, self.stage.bands()), self.classes, numbers, value)
+    }
+
+    /// Adds what a path from the eye finds.
+    fn see(&self, walk: Walk, classes: PathClasses, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
+        self.follow(walk, classes, numbers, value, &|walk, arrival, numbers, value| {
+            if self.gathers(arrival.place.owner) {
                 self.gather(walk, arrival, numbers, value)
             } else {
                 self.look_up(walk, arrival, numbers, value)
@@ -161,33 +177,42 @@ impl<'a> TwoPass<'a> {
         }
     }
 
+    /// Whether directions are gathered from a facet.
+    fn gathers(&self, facet: u32) -> bool {
+        self.settings.gather > 0 && self.control.is_none_or(|control| control.gathers(facet))
+    }
+
     /// The diffuse part of a surface from what is stored there, and from points drawn on lights.
     fn look_up(&self, walk: &Walk, arrival: &Arrival<'_>, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
         let itinerary = walk.itinerary.diffuse();
-        let mut h = vec![0.0; value.len()];
-        self.add_stored(arrival, &mut h, |way| {
+        self.reflect_stored(walk, arrival, value, |way| {
             let drawn = way == Way::Direct && self.settings.light_points > 0;
             !drawn && self.classes.has(PathClass { arrival: way, ..itinerary.class() })
         });
-        let reflectance = self.stage.reflectance(arrival.place.surface);
-        for (((value, w), rho), h) in value.iter_mut().zip(&walk.weight).zip(reflectance).zip(&h) {
-            *value += w * rho * RADIANCE * h;
-        }
         self.draw_lights(walk, arrival, numbers, value)
     }
 
+    /// Adds what the diffuse part of a surface sends back of the irradiance stored there, if it arrived in the ways wanted.
+    fn reflect_stored(&self, walk: &Walk, arrival: &Arrival<'_>, value: &mut [f64], wanted: impl Fn(Way) -> bool) {
+        let (place, mut h) = (&arrival.place, vec![0.0; value.len()]);
+        self.add_stored(place.owner, place.point, &mut h, wanted);
+        let reflectance = self.stage.reflectance(place.surface);
+        for (((value, w), rho), h) in value.iter_mut().zip(&walk.weight).zip(reflectance).zip(&h) {
+            *value += w * rho * RADIANCE * h;
+        }
+    }
+
     /// Adds the stored irradiance that arrived in the ways wanted; all of it if it is one sum and the first way is wanted.
-    fn add_stored(&self, arrival: &Arrival<'_>, h: &mut [f64], wanted: impl Fn(Way) -> bool) {
-        let place = &arrival.place;
-        if place.owner == u32::MAX {
+    fn add_stored(&self, owner: u32, point: DVec3, h: &mut [f64], wanted: impl Fn(Way) -> bool) {
+        if owner == u32::MAX {
             return;
         }
         match self.stored {
-            Stored::Whole(field) if wanted(WAYS[0]) => field.add(place.owner, place.point, 1.0, h),
+            Stored::Whole(field) if wanted(WAYS[0]) => field.add(owner, point, 1.0, h),
             Stored::Whole(_) => {}
             Stored::Apart(fields) => {
                 for (field, _) in fields.iter().zip(WAYS).filter(|(_, way)| wanted(*way)) {
-                    field.add(place.owner, place.point, 1.0, h);
+                    field.add(owner, point, 1.0, h);
                 }
             }
         }
@@ -208,13 +233,12 @@ impl<'a> TwoPass<'a> {
         (0..points).map(draw).sum()
     }
 
-    /// The diffuse part of a surface from points drawn on lights, and from directions followed to what is stored around.
+    /// The diffuse part of a surface from what is stored of lights by way of S, points drawn on lights, and directions followed to what is stored around.
     fn gather(&self, walk: &Walk, arrival: &Arrival<'_>, numbers: &mut Numbers, value: &mut [f64]) -> Cost {
-        let mut cost = self.draw_lights(walk, arrival, numbers, value);
         let itinerary = walk.itinerary.diffuse();
-        // Light that is met without S on the way has been drawn.
-        let direct = PathClass { arrival: Way::Direct, ..itinerary.class() };
-        let classes = self.classes.without(direct);
+        let wanted = |way| self.classes.has(PathClass { arrival: way, ..itinerary.class() });
+        self.reflect_stored(walk, arrival, value, |way| way == Way::SpecularDirect && wanted(way));
+        let mut cost = self.draw_lights(walk, arrival, numbers, value);
         let reflectance = self.stage.reflectance(arrival.place.surface);
         let rays = f64::from(self.settings.gather);
         for _ in 0..self.settings.gather {
@@ -223,14 +247,10 @@ impl<'a> TwoPass<'a> {
             inner.weight.iter_mut().zip(reflectance).for_each(|(w, rho)| *w *= rho / rays);
             inner.worth /= rays;
             inner.leave(arrival, arrival.frame.scene(cosine_direction([u[0], u[1]])), None);
-            cost += self.follow(inner, classes, numbers, value, &|walk, arrival, _, value| {
-                if classes.has(walk.itinerary.diffuse().class()) {
-                    let mut h = vec![0.0; value.len()];
-                    self.add_stored(arrival, &mut h, |_| true);
-                    let reflectance = self.stage.reflectance(arrival.place.surface);
-                    for (((value, w), rho), h) in value.iter_mut().zip(&walk.weight).zip(reflectance).zip(&h) {
-                        *value += w * rho * RADIANCE * h;
-                    }
+            // Light that is met has been drawn, or is stored.
+            cost += self.follow(inner, PathClasses::NONE, numbers, value, &|walk, arrival, _, value| {
+                if self.classes.has(walk.itinerary.diffuse().class()) {
+                    self.reflect_stored(walk, arrival, value, |_| true);
                 }
                 Cost::default()
             });
