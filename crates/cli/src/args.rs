@@ -308,6 +308,18 @@ pub enum Shading {
     Linear,
 }
 
+/// What a run may leave out.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct PlanArgs {
+    /// Compute also what the scene does not need: dark rooms and bands, form factors between rooms, black faces as unknowns.
+    #[arg(long)]
+    pub keep_everything: bool,
+    /// Faces or groups whose solution is wanted, by number from 0 or by name, with commas between; all if not given. What sends nothing
+    /// and is not wanted only blocks.
+    #[arg(long, value_name = "FACE,GROUP,…", value_delimiter = ',')]
+    pub ask: Vec<String>,
+}
+
 /// `radiosity solve`.
 #[derive(ClapArgs, Debug)]
 pub struct SolveArgs {
@@ -320,6 +332,9 @@ pub struct SolveArgs {
     /// Mesh.
     #[command(flatten)]
     pub mesh: MeshArgs,
+    /// What is left out.
+    #[command(flatten)]
+    pub plan: PlanArgs,
     /// Refine until the estimated rms error of irradiance over the report grid is at most this share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit, group = "fineness")]
     pub tolerance: Option<f64>,
@@ -563,6 +578,9 @@ pub struct InspectArgs {
     /// Estimator to predict.
     #[command(flatten)]
     pub estimator: Estimator,
+    /// What is left out.
+    #[command(flatten)]
+    pub plan: PlanArgs,
     /// Compute the form factors, as `solve` would, and forecast the steps of every solver from 12 products.
     #[arg(long, conflicts_with = "dry_run")]
     pub forecast: bool,

@@ -1,12 +1,12 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, Method, Size, Strategy, forecast, predict};
+use radiosity::{Geometry, Method, Plan, Size, Strategy, forecast, predict};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
 use crate::args::InspectArgs;
 use crate::solve::{admitted_mesh, mesh_settings, sizes, strategy};
-use crate::{Failure, Verdict, memory, output, scene};
+use crate::{Failure, Verdict, memory, output, plan, scene};
 
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
@@ -18,6 +18,10 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
     let geometry = Geometry::new(scene, &mesh)?;
     let strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
+    let (keep_everything, asked) = (args.plan.keep_everything, plan::asked(&args.plan, scene)?);
+    let planned = Strategy { keep_everything, asked, ..strategy.clone() };
+    let plan = Plan::new(scene, &planned);
+    let savings = plan.left_out(&plan.mesh(scene, &planned)?, &planned);
     let prediction = predict(&Size::of(&geometry), &strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
@@ -42,6 +46,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
         })).collect::<Vec<_>>(),
         "file": output::import(&imported.report),
         "left_out": left_out,
+        "plan": { "off": plan.off.map(|off| off.to_string()), "left_out": plan::json(&savings) },
         "mesh": {
             "elements": prediction.elements,
             "patches": prediction.patches,
@@ -100,6 +105,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     ];
     lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));
     lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
+    lines.extend(plan::lines(&savings));
     output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)
 }

@@ -12,6 +12,7 @@ mod from_point;
 mod inspect;
 mod memory;
 mod output;
+mod plan;
 mod render;
 mod saved;
 mod scene;

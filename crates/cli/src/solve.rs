@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
+use radiosity::plan::{Off, Savings};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
-    LinearRadiosity, Method, Phase, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
+    LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{
-    Size, admit, default_method, predict, run_adaptive, run_enhanced, run_meshed, run_saved, run_to_tolerance,
+    Size, admit, default_method, predict, run_adaptive, run_enhanced, run_planned, run_saved, run_to_tolerance,
 };
 use radiosity_core::{BandValues, Outcome};
 use radiosity_form_factors::Rows;
@@ -26,7 +27,7 @@ use serde_json::{Value, json};
 use crate::args::{Common, Estimator, MeshArgs, Shading, SolveArgs, StoreName};
 use crate::output::Names;
 use crate::saved::Saved;
-use crate::{Failure, Verdict, memory, output, saved, scene};
+use crate::{Failure, Verdict, memory, output, plan, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
 const MOST_ELEMENTS: usize = 40_000;
@@ -115,22 +116,34 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    admitted(args, scene, mesh)?;
-    let clock = Instant::now();
-    let geometry = Geometry::new(scene, &mesh)?;
-    let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
-    let (elements, blocking) = sizes(&geometry);
-    let mut strategy = strategy((elements, blocking), mesh, &args.estimator, &args.common);
-    finish_strategy(&mut strategy, args, blocking);
     let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
+    // Linear shading joins the irradiance of neighbours, and wants it of all.
+    let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && !args.plan.ask.is_empty());
+    let asked = plan::asked(&args.plan, scene)?;
+    let keep_everything = args.plan.keep_everything || whole;
+    let planned = |strategy: Strategy| Strategy { keep_everything, asked: asked.clone(), ..strategy };
+    let before = planned(admitted(args, scene, mesh)?);
+    let clock = Instant::now();
+    let mut plan = Plan::new(scene, &before);
+    let mut geometry = plan.mesh(scene, &before)?;
+    let (elements, blocking) = sizes(&geometry);
+    let mut strategy = planned(strategy((elements, blocking), mesh, &args.estimator, &args.common));
+    finish_strategy(&mut strategy, args, blocking);
     if specular && transport.by != SpecularBy::Images && args.solver.is_none() && strategy.shape == Shape::Full {
         // Extended form factors along rays are not symmetric.
         "gauss-seidel".clone_into(&mut strategy.solver);
     }
+    if strategy.method != before.method {
+        // Contacts made more elements than was thought, or fewer.
+        plan = Plan::new(scene, &strategy);
+        geometry = plan.mesh(scene, &strategy)?;
+    }
+    let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None, program));
+        let savings = plan.left_out(&geometry, &strategy);
+        return Ok(dry_run(args, &geometry, &strategy, None, &savings, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
@@ -143,7 +156,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
                 run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
             (run, Way::Enhanced(transport.by, specular))
         }
-        None => (run_meshed(geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
+        None => (run_planned(&plan, geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
     };
     finish(args, imported, &strategy, None, &run, way)
 }
@@ -153,18 +166,19 @@ pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
     (geometry.elements().len(), geometry.blockers().len())
 }
 
-/// Refuses what would take too much memory before there is a mesh: of a dry run, the mesh alone.
-fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<(), Failure> {
+/// The strategy by what is known before there is a mesh. Refuses what would take too much memory: of a dry run, the mesh alone.
+fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<Strategy, Failure> {
     let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
     let blocking = Occluders::blocking(scene).len();
     let mut strategy = strategy((cells, blocking), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
-        admitted_mesh(scene, &strategy)
+        admitted_mesh(scene, &strategy)?;
     } else {
-        admit(scene, &strategy).map_err(memory::explained)
+        admit(scene, &strategy).map_err(memory::explained)?;
     }
+    Ok(strategy)
 }
 
 /// Refuses a mesh that would take too much memory whatever is done on it.
@@ -189,7 +203,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None, program));
+        return Ok(dry_run(args, &geometry, &strategy, None, &Savings::default(), program));
     }
     drop(geometry);
     let first = Solved::new(&before.scene, &strategy, &mut ()).map_err(memory::explained)?;
@@ -269,7 +283,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, Some(&file), program));
+        return Ok(dry_run(args, &geometry, &strategy, Some(&file), &Savings::default(), program));
     }
     let run = run_saved(geometry, &file.rows, &strategy, &mut ()).map_err(memory::explained)?;
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
@@ -306,10 +320,13 @@ fn dry_run(
     geometry: &Geometry<'_>,
     strategy: &Strategy,
     file: Option<&FromFile>,
+    savings: &Savings,
     program: u64,
 ) -> Verdict {
-    let (object, line) = prediction(geometry, strategy, file, program);
-    output::print(&args.common, &object, &[line]);
+    let (mut object, line) = prediction(geometry, strategy, file, program);
+    object["left_out"] = plan::json(savings);
+    let lines: Vec<String> = std::iter::once(line).chain(plan::lines(savings)).collect();
+    output::print(&args.common, &object, &lines);
     Verdict::Done
 }
 
@@ -328,7 +345,10 @@ fn finish(
     }
     let mut object = report(strategy, file, run);
     object["scene"] = output::import(&imported.report);
+    object["left_out"] = plan::json(&run.left_out);
+    object["plan_off"] = plan_off(strategy, file, &way).into();
     let mut lines = summary(strategy, file, run);
+    lines.extend(plan::lines(&run.left_out));
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
@@ -369,6 +389,17 @@ fn finish(
     }
     output::print(&args.common, &object, &lines);
     Ok(verdict)
+}
+
+/// Why nothing was left out, if nothing could be.
+fn plan_off(strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Option<String> {
+    match way {
+        _ if file.is_some() => Some("form factors are given".to_owned()),
+        Way::Straight => Off::of(strategy).map(|off| off.to_string()),
+        Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
+        Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
+        Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
+    }
 }
 
 /// Kinds of output file.
@@ -449,8 +480,11 @@ fn power(run: &Run<'_>) -> (Vec<f64>, Vec<f64>) {
     let (e, rho) = (run.geometry.emission(), run.geometry.reflectance());
     let h = &run.solution.irradiance;
     let emitted = |b: usize| areas.iter().zip(e.band(b)).map(|(a, e)| a * e).sum();
-    let absorbed =
-        |b: usize| areas.iter().zip(rho.band(b)).zip(h.band(b)).map(|((a, rho), h)| a * (1.0 - rho) * h).sum();
+    // By what is asked for, and what that needed.
+    let absorbed = |b: usize| {
+        let by_element = areas.iter().zip(rho.band(b)).zip(h.band(b)).map(|((a, rho), h)| a * (1.0 - rho) * h);
+        by_element.filter(|power| !power.is_nan()).sum()
+    };
     ((0..e.count()).map(emitted).collect(), (0..e.count()).map(absorbed).collect())
 }
 
@@ -595,18 +629,26 @@ fn three(values: &BandValues, at: usize) -> [f64; 3] {
     [0, 1, 2].map(|b| values.band(b.min(values.count() - 1))[at])
 }
 
+/// Writes what is asked for.
 fn write(path: &Path, run: &Run<'_>, args: &SolveArgs) -> Result<(), Failure> {
+    let asked = plan::asked(&args.plan, run.geometry.scene())?;
+    let is_asked = |surface: u32| asked.as_ref().is_none_or(|asked| asked.binary_search(&surface).is_ok());
     match format_of(path)? {
         Format::Csv => {
-            let rows = match args.report_grid {
+            let mut rows = match args.report_grid {
                 Some(k) => cell_rows(run, k)?,
                 None => element_rows(run),
             };
+            rows.retain(|row| is_asked(row.surface));
             write_solution(path, &rows)?;
         }
         Format::Ply => match args.shading {
-            Shading::Flat => write_ply(path, &ply_faces(run))?,
-            Shading::Linear => write_shaded_ply(path, &ply_triangles(run))?,
+            Shading::Flat => {
+                let mut faces = ply_faces(run);
+                faces.retain(|face| is_asked(face.surface));
+                write_ply(path, &faces)?;
+            }
+            Shading::Linear => write_shaded_ply(path, &ply_triangles(run, &is_asked))?,
         },
     }
     Ok(())
@@ -671,7 +713,7 @@ fn ply_faces(run: &Run<'_>) -> Vec<PlyFace> {
     values.iter().enumerate().zip(mesh.without_cracks()).map(face).collect()
 }
 
-fn ply_triangles(run: &Run<'_>) -> Vec<PlyTriangle> {
+fn ply_triangles(run: &Run<'_>, is_asked: &dyn Fn(u32) -> bool) -> Vec<PlyTriangle> {
     let (mesh, (_, exposure)) = (run.geometry.mesh(), shown(run));
     let linear = LinearRadiosity::new(&run.geometry, &run.solution.irradiance);
     let vertex = |e: usize, (position, place): (DVec3, Place)| {
@@ -680,6 +722,7 @@ fn ply_triangles(run: &Run<'_>) -> Vec<PlyTriangle> {
     };
     let exposed = run.geometry.exposed().iter().enumerate();
     exposed
+        .filter(|(_, element)| is_asked(mesh.elements[**element as usize].surface))
         .flat_map(|(e, &element)| {
             let surface = mesh.elements[element as usize].surface;
             let triangles = linear.irradiance().triangles(element as usize);

@@ -18,8 +18,10 @@ mod ray_points;
 pub mod repair;
 mod row_wise;
 mod rows;
+mod selected;
 pub mod stores;
 pub mod update;
 
 pub use row_wise::Receivers;
-pub use rows::{Estimate, Pairwise, PairwiseRows, Rows, Run, Sampler, SparseRow};
+pub use rows::{Estimate, Numbers, Pairwise, PairwiseRows, Rows, Run, Sampler, SparseRow};
+pub use selected::SelectedRows;

@@ -74,6 +74,19 @@ pub struct Run<'a> {
     pub tolerance: f64,
     /// What seeds of pairs are mixed from.
     pub seed: u64,
+    /// What the facets are called among those they were selected from, if they were.
+    pub numbers: Option<&'a Numbers>,
+}
+
+/// Names of selected facets: which of all facets each of them is, so that a selection gives the entries that all of them give.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Numbers {
+    /// Number of every source, ascending.
+    pub sources: Vec<u32>,
+    /// Number of every target, ascending.
+    pub targets: Vec<u32>,
+    /// Whether both are numbers in one list: then the lower one comes first in a pair.
+    pub one_list: bool,
 }
 
 impl<'a> Run<'a> {
@@ -82,17 +95,28 @@ impl<'a> Run<'a> {
         std::ptr::eq(self.sources, self.targets)
     }
 
+    /// Targets, from the first of all, that come before the source in the order of every pair.
+    pub fn swapped(&self) -> usize {
+        match self.numbers {
+            None if self.symmetric() => self.s,
+            Some(numbers) if numbers.one_list => numbers.targets.partition_point(|t| *t < numbers.sources[self.s]),
+            _ => 0,
+        }
+    }
+
     /// Every two polygons of the source and target t, with their seed. A flat facet sees nothing of itself.
     ///
     /// One order for both directions, so that a value and its samples are the same to the last bit whichever side asks.
     pub fn polygons(&self, t: usize) -> impl Iterator<Item = (&'a Polygon, &'a Polygon, u64)> + use<'a> {
-        let Self { sources, targets, s, seed, .. } = *self;
-        let same = self.symmetric();
-        let (a, b) = if same && s > t { (t, s) } else { (s, t) };
+        let Self { sources, targets, s, seed, numbers, .. } = *self;
+        let (from, to) = numbers.map_or((s, t), |n| (n.sources[s] as usize, n.targets[t] as usize));
+        let same = (self.symmetric() || numbers.is_some_and(|n| n.one_list)) && from == to;
+        let (own, other) = (sources.polygons(s), targets.polygons(t));
+        let (first, second, a, b) = if t < self.swapped() { (other, own, to, from) } else { (own, other, from, to) };
         let none = sources.covered(s) || targets.covered(t);
-        let first = if none { &[] } else { sources.polygons(a) };
+        let first = if none { &[] } else { first };
         first.iter().enumerate().flat_map(move |(k, i)| {
-            let others = targets.polygons(b).iter().enumerate().filter(move |(l, _)| !(same && a == b && k == *l));
+            let others = second.iter().enumerate().filter(move |(l, _)| !(same && k == *l));
             others
                 .map(move |(l, j)| (i, j, mix(seed ^ mix((a as u64) << 32 | b as u64) ^ ((k as u64) << 32 | l as u64))))
         })
@@ -258,6 +282,7 @@ pub struct PairwiseRows<'a, P> {
     blocks: Option<FacetBlocks>,
     tolerance: f64,
     seed: u64,
+    numbers: Option<Numbers>,
 }
 
 /// Targets that one task computes: work for longer than it takes to hand it over.
@@ -267,7 +292,19 @@ impl<'a, P: Pairwise> PairwiseRows<'a, P> {
     /// Rows from `sources` to `targets` with an error of each F of at most `tolerance` where nothing is sampled.
     pub fn new(estimator: P, sources: &'a Facets, targets: &'a Facets, tolerance: f64, seed: u64) -> Self {
         let blocks = estimator.lay_out(targets);
-        Self { estimator, sources, targets, blocks, tolerance, seed }
+        Self { estimator, sources, targets, blocks, tolerance, seed, numbers: None }
+    }
+
+    /// The same rows of facets that were selected from more: entries and their samples are those among all.
+    ///
+    /// # Panics
+    ///
+    /// If there is not a number for every facet.
+    #[must_use]
+    pub fn numbered(self, numbers: Numbers) -> Self {
+        let counts = (numbers.sources.len(), numbers.targets.len());
+        assert_eq!(counts, (self.sources.len(), self.targets.len()), "a number for every facet");
+        Self { numbers: Some(numbers), ..self }
     }
 
     /// The estimator.
@@ -288,7 +325,7 @@ impl<'a, P: Pairwise> PairwiseRows<'a, P> {
     /// Source s and the targets from `from` on.
     pub(crate) fn run(&self, s: usize, from: usize) -> Run<'_> {
         let &Self { sources, targets, tolerance, seed, .. } = self;
-        Run { sources, targets, blocks: self.blocks.as_ref(), s, from, tolerance, seed }
+        Run { sources, targets, blocks: self.blocks.as_ref(), s, from, tolerance, seed, numbers: self.numbers.as_ref() }
     }
 
     /// Exchange areas of source s with the targets from `from` on, as many as there are `values`.

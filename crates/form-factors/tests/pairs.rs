@@ -166,7 +166,8 @@ fn estimate(
     tolerance: f64,
 ) -> (f64, f64) {
     let mut value = [0.0];
-    let run = Run { sources: facets, targets: facets, blocks: Some(blocks), s, from: t, tolerance, seed: 1 };
+    let run =
+        Run { sources: facets, targets: facets, blocks: Some(blocks), s, from: t, tolerance, seed: 1, numbers: None };
     let (_, bound) = analytic.exchange_run(&run, &mut value);
     (value[0], bound)
 }

@@ -15,6 +15,7 @@
 //! | [`cornell_specular()`], [`mirror_cornell()`] | nothing in closed form; every class of paths is there | pictures |
 //! | [`crowded_room()`] | that nothing leaves | many blockers |
 //! | [`city()`] | areas | many facets of which most are hidden |
+//! | [`rooms`] | what a solution can leave out | omissions |
 //! | [`stiff()`] | B in twice the working precision | solvers, stores and bounds where they are stiff |
 //! | [`bright_room()`] | B in twice the working precision | counts of products at any size |
 //! | [`conformance()`] | what any store must do | stores |
@@ -37,6 +38,7 @@ pub mod mirror;
 pub mod quadrature;
 mod random_enclosure;
 pub mod rectangles;
+pub mod rooms;
 mod sphere;
 mod stiff;
 

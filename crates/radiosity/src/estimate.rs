@@ -180,11 +180,7 @@ pub fn assemble<'a>(
         return Ok((Box::new(store), Phase { cost, time: clock.elapsed() }));
     }
     let (store, cost) = fill(rows(geometry, method, form, seed)?, store, None)?;
-    let store: Box<dyn FormFactors + 'a> = match store {
-        Filled::Held(store) => store,
-        Filled::OnDemand(store) => Box::new(store),
-    };
-    Ok((store, Phase { cost, time: clock.elapsed() }))
+    Ok((store.boxed(), Phase { cost, time: clock.elapsed() }))
 }
 
 /// A store of the kind asked for.
@@ -200,6 +196,13 @@ impl<'a> Filled<'a> {
         match self {
             Self::Held(store) => &**store,
             Self::OnDemand(store) => store,
+        }
+    }
+
+    pub(crate) fn boxed(self) -> Box<dyn FormFactors + 'a> {
+        match self {
+            Self::Held(store) => store,
+            Self::OnDemand(store) => Box::new(store),
         }
     }
 }

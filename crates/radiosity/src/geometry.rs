@@ -15,7 +15,7 @@ use crate::senders::shining;
 /// everything here.
 pub struct Geometry<'a> {
     scene: &'a Scene,
-    mesh: Mesh,
+    mesh: Arc<Mesh>,
     blockers: Arc<Occluders>,
     element_occluders: OnceLock<Occluders>,
     patch_occluders: OnceLock<Occluders>,
@@ -28,6 +28,10 @@ pub struct Geometry<'a> {
     parent: Vec<u32>,
     emitters: (Facets, Vec<u32>),
     senders: OnceLock<(Facets, Vec<u32>)>,
+    /// Bands of the scene that take part.
+    bands: Vec<usize>,
+    /// Whether every exposed element that one of these sees takes part.
+    complete: bool,
 }
 
 /// Surfaces that emit, each as one facet, with the index of each surface.
@@ -63,7 +67,16 @@ impl<'a> Geometry<'a> {
     ///
     /// [`MeshError`] if the settings make no mesh.
     pub fn of_strategy(scene: &'a Scene, strategy: &Strategy) -> Result<Self, MeshError> {
-        let mut mesh = Mesh::new(scene, &Occluders::of_scene(scene), &strategy.mesh)?;
+        Self::of_strategy_on(scene, strategy, &|_| true)
+    }
+
+    /// [`Self::of_strategy`] with elements on the surfaces that `meshed` names alone; the others block all the same.
+    pub(crate) fn of_strategy_on(
+        scene: &'a Scene,
+        strategy: &Strategy,
+        meshed: &dyn Fn(usize) -> bool,
+    ) -> Result<Self, MeshError> {
+        let mut mesh = Mesh::on_surfaces(scene, &Occluders::of_scene(scene), &strategy.mesh, meshed)?;
         for _ in 0..strategy.contact_level {
             mesh = mesh.refined(&mesh.cut_by_contacts()).mesh;
         }
@@ -78,6 +91,17 @@ impl<'a> Geometry<'a> {
     fn of_mesh(scene: &'a Scene, mesh: Mesh, blockers: Arc<Occluders>) -> Self {
         let mut exposed: Vec<u32> = (0..mesh.elements.len() as u32).collect();
         exposed.retain(|&e| !mesh.elements[e as usize].covered);
+        Self::of_exposed(scene, Arc::new(mesh), blockers, exposed)
+    }
+
+    /// The same mesh with some of the elements, ascending, and some of the bands taking part; `complete` if they see no others.
+    pub(crate) fn part(&self, elements: &[u32], bands: &[usize], complete: bool) -> Self {
+        let exposed = elements.iter().map(|&e| self.exposed[e as usize]).collect();
+        let part = Self::of_exposed(self.scene, Arc::clone(&self.mesh), Arc::clone(&self.blockers), exposed);
+        Self { bands: bands.to_vec(), complete: self.complete && complete, ..part }
+    }
+
+    fn of_exposed(scene: &'a Scene, mesh: Arc<Mesh>, blockers: Arc<Occluders>, exposed: Vec<u32>) -> Self {
         // Patches that keep an exposed element, renumbered in order.
         let mut number = vec![u32::MAX; mesh.patch_facets.len()];
         for &e in &exposed {
@@ -105,7 +129,14 @@ impl<'a> Geometry<'a> {
             parent,
             emitters,
             senders,
+            bands: (0..scene.bands()).collect(),
+            complete: true,
         }
+    }
+
+    /// Whether rows of the elements that take part should sum to 1: the scene is closed, and they see no others.
+    pub(crate) fn closed(&self) -> bool {
+        self.complete && self.scene.closed()
     }
 
     /// The scene.
@@ -201,7 +232,7 @@ impl<'a> Geometry<'a> {
 
     fn select(&self, values: &[f64]) -> BandValues {
         let (all, m) = (self.mesh.elements.len(), self.exposed.len());
-        let bands = (0..self.scene.bands()).flat_map(|b| self.exposed.iter().map(move |&e| (b, e as usize)));
+        let bands = self.bands.iter().flat_map(|&b| self.exposed.iter().map(move |&e| (b, e as usize)));
         BandValues::new(bands.map(|(b, e)| values[b * all + e]).collect(), m)
     }
 

@@ -18,6 +18,7 @@ use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
+use crate::plan::{Plan, Savings, follow};
 use crate::predict::{Alternative, Bytes, admit};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
@@ -143,6 +144,8 @@ pub struct Run<'a> {
     pub forecast: Option<Forecasted>,
     /// What links came to, if the store held links.
     pub hierarchical: Option<HierarchicalReport>,
+    /// What the scene does not need and was left out.
+    pub left_out: Savings,
     /// The solution on the exposed elements.
     pub solution: Solution,
 }
@@ -170,6 +173,26 @@ pub struct Checked {
     pub blocked: Option<BlockedPairs>,
     /// Time taken, outside all phases.
     pub time: Duration,
+}
+
+impl Checked {
+    /// What was found in a system of selected rows and columns, by their numbers among all.
+    pub(crate) fn renamed(self, [sources, targets]: [&[u32]; 2]) -> Self {
+        let (row, column) = (|s: usize| sources[s] as usize, |t: usize| targets[t] as usize);
+        let of_row = |(s, value): (usize, f64)| (row(s), value);
+        let of_pair = |(s, t, value): (usize, usize, f64)| (row(s), column(t), value);
+        let found = self.checks;
+        let checks = Checks {
+            worst_rows: found.worst_rows.into_iter().map(of_row).collect(),
+            closure: found.closure.map(of_row),
+            largest_row_sum: found.largest_row_sum.map(of_row),
+            reciprocity: found.reciprocity.map(of_pair),
+            largest_share: found.largest_share.map(of_pair),
+            ..found
+        };
+        let pairs = |pairs: BlockedPairs| BlockedPairs { largest_excess: pairs.largest_excess.map(of_pair), ..pairs };
+        Self { checks, blocked: self.blocked.map(pairs), ..self }
+    }
 }
 
 impl Run<'_> {
@@ -244,12 +267,32 @@ pub fn run<'a>(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observe
     strategy.check()?;
     admit(scene, strategy)?;
     let clock = Instant::now();
-    let geometry = Geometry::of_strategy(scene, strategy)?;
+    let plan = Plan::new(scene, strategy);
+    let geometry = plan.mesh(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
+    run_planned(&plan, geometry, meshing, strategy, observer)
+}
+
+/// [`run`] by a plan that is there already, on the mesh that it made in a phase of its own.
+///
+/// # Errors
+///
+/// [`RunError`] as [`run`].
+pub fn run_planned<'a>(
+    plan: &Plan,
+    geometry: Geometry<'a>,
+    meshing: Phase,
+    strategy: &Strategy,
+    observer: &mut dyn Observer,
+) -> Result<Run<'a>, RunError> {
+    strategy.check()?;
+    if plan.omits() {
+        return follow(plan, geometry, meshing, strategy, observer);
+    }
     run_meshed(geometry, meshing, strategy, observer)
 }
 
-/// [`run`] on a mesh that is there already, made as `strategy` says in a phase of its own.
+/// [`run`] on a mesh that is there already, made as `strategy` says in a phase of its own; nothing is left out.
 ///
 /// # Errors
 ///
@@ -272,14 +315,15 @@ pub fn run_meshed<'a>(
     Ok(made.run(geometry, meshing))
 }
 
-/// Forecasts a run of `strategy` without making it: computes its form factors and solves nothing. At least one product is spent; the phase is
+/// Forecasts a run of `strategy` without making it: computes its form factors, with nothing left out, and solves nothing. At least one product is spent; the phase is
 /// that of the form factors.
 ///
 /// # Errors
 ///
 /// [`RunError`] as [`run`].
 pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase), RunError> {
-    let asked = Strategy { forecast: strategy.forecast.max(1), steps: 0, verify: false, ..strategy.clone() };
+    let forecast = strategy.forecast.max(1);
+    let asked = Strategy { forecast, steps: 0, verify: false, keep_everything: true, ..strategy.clone() };
     let run = run(scene, &asked, &mut ())?;
     Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
 }
@@ -315,13 +359,14 @@ pub fn run_saved<'a>(
 
 /// What solving gives beside the geometry.
 pub(crate) struct Made {
-    form_factors: Phase,
+    pub(crate) form_factors: Phase,
     stored_bytes: u64,
-    checked: Option<Checked>,
+    pub(crate) checked: Option<Checked>,
     repair: Option<Repair>,
     forecast: Option<Forecasted>,
     hierarchical: Option<HierarchicalReport>,
-    solution: Solution,
+    pub(crate) left_out: Savings,
+    pub(crate) solution: Solution,
 }
 
 impl Made {
@@ -333,6 +378,20 @@ impl Made {
         self.solution.steps
     }
 
+    /// A solution for which no form factor was needed.
+    pub(crate) fn of_solution(solution: Solution) -> Self {
+        Self {
+            form_factors: Phase::default(),
+            stored_bytes: 0,
+            checked: None,
+            repair: None,
+            forecast: None,
+            hierarchical: None,
+            left_out: Savings::default(),
+            solution,
+        }
+    }
+
     /// What links give: their entries are no estimates that checks of rows could judge.
     pub(crate) fn of_links(
         form_factors: Phase,
@@ -340,20 +399,23 @@ impl Made {
         links: HierarchicalReport,
         solution: Solution,
     ) -> Self {
-        Self {
-            form_factors,
-            stored_bytes,
-            checked: None,
-            repair: None,
-            forecast: None,
-            hierarchical: Some(links),
-            solution,
-        }
+        Self { form_factors, stored_bytes, hierarchical: Some(links), ..Self::of_solution(solution) }
     }
 
     pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, solution } = self;
-        Run { geometry, meshing, form_factors, stored_bytes, checked, repair, forecast, hierarchical, solution }
+        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, left_out, solution } = self;
+        Run {
+            geometry,
+            meshing,
+            form_factors,
+            stored_bytes,
+            checked,
+            repair,
+            forecast,
+            hierarchical,
+            left_out,
+            solution,
+        }
     }
 }
 
@@ -386,7 +448,7 @@ pub(crate) fn fill_checked<'r>(
     unblocked: Option<f64>,
     strategy: &Strategy,
 ) -> Result<(Filled<'r>, Known), RunError> {
-    let (form, closed) = (strategy.shape.form(), geometry.scene().closed());
+    let (form, closed) = (strategy.shape.form(), geometry.closed());
     let areas = if form == Form::PatchesToElements { geometry.patches() } else { geometry.elements() }.areas();
     if strategy.repair && !closed {
         return Err(RepairError::Open.into());
@@ -448,13 +510,14 @@ pub(crate) fn solve_stored(
     let checked = match checks {
         Check::Known(checked) => checked.map(|checked| *checked),
         Check::Find(blocked, time) if held > 0 && strategy.verify => {
-            let mut checked = checked(geometry, store, form, geometry.scene().closed())?;
+            let mut checked = checked(geometry, store, form, geometry.closed())?;
             checked.time += time;
             Some(Checked { blocked, ..checked })
         }
         Check::Find(..) => None,
     };
-    Ok(Made { form_factors, stored_bytes: held + patch_bytes, checked, repair, forecast, hierarchical: None, solution })
+    let stored_bytes = held + patch_bytes;
+    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, ..Made::of_solution(solution) })
 }
 
 /// Checks a store between the elements or patches that `form` says.

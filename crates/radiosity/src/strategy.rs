@@ -231,10 +231,15 @@ pub struct Strategy {
     pub seed: u64,
     /// Bytes that a run may take; it is refused before it begins if more are predicted.
     pub memory: Option<u64>,
+    /// Whether the run computes what the scene does not need as well ([`crate::plan`]), so that observers see, and counts are of, the
+    /// whole system.
+    pub keep_everything: bool,
+    /// Surfaces whose solution is asked for, ascending; all of them if `None`.
+    pub asked: Option<Vec<u32>>,
 }
 
 impl Strategy {
-    /// K × K elements a face, all defaults: dense, full, conjugate gradients or Gauss–Seidel as the store allows.
+    /// K × K elements a face, all defaults: dense, full, conjugate gradients or Gauss–Seidel as the store allows; nothing is left out.
     pub fn new(elements: Subdivision, method: Method) -> Self {
         let solver = if matches!(method, Method::Analytic { .. }) { "cg" } else { "gauss-seidel" };
         Self {
@@ -251,6 +256,8 @@ impl Strategy {
             forecast: 0,
             seed: 1,
             memory: None,
+            keep_everything: true,
+            asked: None,
         }
     }
 }

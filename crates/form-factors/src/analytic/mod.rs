@@ -242,8 +242,7 @@ impl Pairwise for Analytic<'_> {
 
     fn exchange_run(&self, run: &Run<'_>, values: &mut [f64]) -> (Cost, f64) {
         let Some(blocks) = run.blocks else { return run.one_by_one(self, values) };
-        let swapped = if run.symmetric() { run.s } else { 0 };
-        let source = Source { facets: run.sources, s: run.s, swapped, tolerance: run.tolerance };
+        let source = Source { facets: run.sources, s: run.s, swapped: run.swapped(), tolerance: run.tolerance };
         let (mut cost, mut worst) = (Cost::default(), 0.0_f64);
         let mut bounds = [AWAY; RUN];
         for (from, values) in (run.from..).step_by(RUN).zip(values.chunks_mut(RUN)) {

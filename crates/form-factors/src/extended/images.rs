@@ -391,7 +391,7 @@ impl LaidOut<'_> {
     /// Exchange areas of source s with the images from `from` on, as many as there are `values`.
     fn fill(&self, s: usize, from: usize, tolerance: f64, values: &mut [f64]) -> (Cost, f64) {
         let Self { sources, images: targets, blocks, seed, .. } = self;
-        let run = Run { sources, targets, blocks: blocks.as_ref(), s, from, tolerance, seed: *seed };
+        let run = Run { sources, targets, blocks: blocks.as_ref(), s, from, tolerance, seed: *seed, numbers: None };
         self.estimator.exchange_run(&run, values)
     }
 }

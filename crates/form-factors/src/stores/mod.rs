@@ -6,6 +6,7 @@
 //! | [`SparseFormFactors`] | entries that are not zero, 12 bytes each | without a copy | scenes that hide most pairs |
 //! | [`PackedFormFactors`] | symmetric entries once, in tiles of 4 or 8 bytes an entry | a row copied to the caller's buffer | large closed rooms, products at the speed of memory |
 //! | [`MovableFormFactors`] | every entry, 8 bytes | without a copy | meshes that are refined between solutions |
+//! | [`DiagonalBlocks`] | stores of parts that exchange nothing | as its parts | rooms that do not see each other |
 //! | [`OnDemand`] | nothing, or the rows asked for so far | a row computed in the caller's buffer | shooting, little memory |
 //!
 //! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
@@ -14,6 +15,7 @@
 //! small entries).
 
 mod dense;
+mod diagonal_blocks;
 mod dot;
 mod extended;
 mod lanes;
@@ -29,6 +31,7 @@ use radiosity_core::{BandValues, Bands, BandsMut, Block, Cost, FormFactors, Rela
 use rayon::prelude::*;
 
 pub use dense::DenseFormFactors;
+pub use diagonal_blocks::{DiagonalBlocks, Part};
 pub use extended::ExtendedFormFactors;
 pub use movable::{MovableFormFactors, Source};
 pub use on_demand::{Keep, OnDemand};

@@ -200,6 +200,24 @@ impl Mesh {
     ///
     /// If `occluders` are not [`Occluders::of_scene`] of the same scene.
     pub fn new(scene: &Scene, occluders: &Occluders, settings: &MeshSettings) -> Result<Self, MeshError> {
+        Self::on_surfaces(scene, occluders, settings, &|_| true)
+    }
+
+    /// [`Self::new`] with elements on the surfaces that `meshed` names alone. The others cut and cover cells all the same.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    ///
+    /// # Panics
+    ///
+    /// As [`Self::new`].
+    pub fn on_surfaces(
+        scene: &Scene,
+        occluders: &Occluders,
+        settings: &MeshSettings,
+        meshed: &dyn Fn(usize) -> bool,
+    ) -> Result<Self, MeshError> {
         let faces: Vec<(usize, &Polygon)> = scene.pieces().collect();
         assert_eq!(occluders.len(), faces.len(), "occluders of another scene: {} of {}", occluders.len(), faces.len());
         settings.elements.check()?;
@@ -211,6 +229,10 @@ impl Mesh {
         for &(s, face) in &faces {
             if s != last {
                 (last, offset) = (s, 0);
+            }
+            if !meshed(s) {
+                face_grids.push(Vec::new());
+                continue;
             }
             let grids = grids(s as u32, face, settings.elements, settings.patches, offset)?;
             offset += grids.iter().map(|g| g.elements.width()).sum::<u32>();

@@ -395,6 +395,7 @@ impl<'a> State<'a> {
             stored_bytes: radiosity_core::FormFactors::properties(&self.store).stored_bytes,
             checked: None,
             repair: None,
+            left_out: crate::plan::Savings::default(),
             solution,
         };
         AdaptiveRun { run, rounds: self.rounds, estimating: self.estimating, method: self.method, met }

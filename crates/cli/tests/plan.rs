@@ -1,0 +1,106 @@
+//! What the program says of what it leaves out, and that it does.
+
+mod common;
+
+use std::fmt::Write;
+
+use common::Folder;
+use radiosity_gallery::rooms::{black_floor, two_rooms};
+use radiosity_geometry::Scene;
+use serde_json::Value;
+
+/// A scene as an OBJ file with its MTL; the faces of a room are a group, numbered from 0.
+fn with_scene(folder: &Folder, scene: &Scene) {
+    let (mut obj, mut mtl) = ("mtllib scene.mtl\n".to_owned(), String::new());
+    for (k, surface) in scene.surfaces.iter().enumerate() {
+        writeln!(obj, "g room{}\nusemtl {}", k / 6, scene.materials[surface.material].name).unwrap();
+        for v in surface.pieces[0].vertices() {
+            writeln!(obj, "v {} {} {}", v.x, v.y, v.z).unwrap();
+        }
+        writeln!(obj, "f -4 -3 -2 -1").unwrap();
+    }
+    for material in &scene.materials {
+        let text = |values: &[f64], by: f64| values.iter().map(|v| format!(" {}", v / by)).collect::<String>();
+        let (kd, ke) = (text(&material.reflectance, 1.0), text(&material.emission, std::f64::consts::PI));
+        writeln!(mtl, "newmtl {}\nKd{kd}\nKe{ke}", material.name).unwrap();
+    }
+    folder.write("scene.obj", &obj);
+    folder.write("scene.mtl", &mtl);
+}
+
+fn object(folder: &Folder, arguments: &str) -> Value {
+    let ran = folder.run(arguments);
+    // Walls back to back are warned of.
+    assert_eq!(ran.code, 0, "{arguments}: {}", ran.stderr);
+    serde_json::from_str(&ran.stdout).unwrap()
+}
+
+fn table(folder: &Folder, name: &str) -> Vec<Vec<f64>> {
+    let text = folder.read(name);
+    text.lines().skip(1).map(|line| line.split(',').map(|word| word.parse().unwrap()).collect()).collect()
+}
+
+#[test]
+fn a_dark_room_is_left_out_and_reported_with_what_that_saves() {
+    let folder = Folder::new("plan_dark_room");
+    with_scene(&folder, &two_rooms([true, false]));
+    let solve = "solve scene.obj --subdivide 3 --unshot 1e-14 --json";
+    let some = object(&folder, &format!("{solve} --output some.csv"));
+    let all = object(&folder, &format!("{solve} --keep-everything --output all.csv"));
+    let left = some["left_out"].as_array().unwrap();
+    assert_eq!(left.len(), 1);
+    assert!(left[0]["reason"].as_str().unwrap().contains("no light") && left[0]["predicted"]["unknowns"] == 54);
+    assert_eq!(left[0]["predicted"], left[0]["measured"]);
+    let computed = |object: &Value| object["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
+    assert_eq!(left[0]["measured"]["form_factors"], computed(&all) - computed(&some));
+    assert_eq!((&all["left_out"], &all["plan_off"]), (&Value::Array(vec![]), &"everything is to be kept".into()));
+    assert_eq!(some["plan_off"], Value::Null);
+    // The same lines; 1e-12 of the largest irradiance.
+    let (some, all) = (table(&folder, "some.csv"), table(&folder, "all.csv"));
+    assert_eq!((some.len(), all.len()), (108, 108));
+    let largest = all.iter().flat_map(|row| &row[10..13]).copied().fold(0.0, f64::max);
+    let differences = some.iter().flatten().zip(all.iter().flatten()).map(|(a, b)| (a - b).abs());
+    assert!(differences.fold(0.0, f64::max) < 1e-12 * largest);
+}
+
+#[test]
+fn inspect_tells_each_omission_with_its_reason_and_counts() {
+    let folder = Folder::new("plan_inspect");
+    with_scene(&folder, &two_rooms([true, true]));
+    let inspected = folder.run("inspect scene.obj --subdivide 3");
+    // 54 unknowns each: walls of one room face those of the other across the walls between.
+    let line = inspected.stdout.lines().find(|line| line.contains("between 2 rooms")).unwrap();
+    assert!(line.starts_with("left out: ") && line.contains("closed walls part them") && line.contains("form factors"));
+    let kept = object(&folder, "inspect scene.obj --keep-everything --json");
+    assert_eq!(kept["plan"]["left_out"], Value::Array(vec![]));
+    let planned = object(&folder, "solve scene.obj --dry-run --json");
+    assert!(planned["left_out"][0]["predicted"]["form_factors"].as_u64().unwrap() > 0);
+    let ran = folder.run("solve scene.obj --tolerance 0.3 --quiet --json");
+    let refined: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(refined["plan_off"], "refinement looks at all elements");
+}
+
+#[test]
+fn only_what_is_asked_for_is_written_and_what_merely_blocks_has_no_elements() {
+    let folder = Folder::new("plan_ask");
+    with_scene(&folder, &black_floor());
+    let solve = "solve scene.obj --subdivide 3 --unshot 1e-14 --json --output";
+    let some = object(&folder, &format!("{solve} some.csv --ask 0,1,2,3,5"));
+    object(&folder, &format!("{solve} all.csv"));
+    assert_eq!(some["elements"], 45);
+    assert!(some["left_out"][0]["what"].as_str().unwrap().contains("2 faces, not meshed"));
+    assert!(some["power"]["absorbed"][0].as_f64().unwrap() > 0.0);
+    let (some, mut all) = (table(&folder, "some.csv"), table(&folder, "all.csv"));
+    all.retain(|row| row[0] != 4.0 && row[0] != 6.0);
+    assert_eq!((some.len(), all.len()), (45, 45));
+    let differences = some.iter().flatten().zip(all.iter().flatten()).map(|(a, b)| (a - b).abs());
+    assert!(differences.fold(0.0, f64::max) < 1e-11);
+    // A group by its name, cells of a grid, and a name that is none.
+    object(&folder, &format!("{solve} grid.csv --report-grid 2 --ask room1"));
+    assert_eq!(table(&folder, "grid.csv").len(), 4);
+    object(&folder, &format!("{solve} flat.ply --ask 0,1,2,3,5"));
+    object(&folder, &format!("{solve} shaded.ply --shading linear --ask 0"));
+    let ran = folder.run("solve scene.obj --ask nobody");
+    assert_eq!(ran.code, 2);
+    assert!(ran.stderr.contains("--ask nobody") && ran.stderr.contains("0 to 6"));
+}

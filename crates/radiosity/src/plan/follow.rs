@@ -1,0 +1,241 @@
+//! Runs what a plan keeps, and gives the answer of all elements.
+//!
+//! The elements that exchange light are a system of their own on the same mesh. Pairs get the seeds and the order that they have among all
+//! elements, rows of rays and hemicubes are those of all elements with entries left away: an entry is what it would have been.
+
+use std::time::{Duration, Instant};
+
+use radiosity_core::{BandValues, Bands, Certificate, Cost, Form, FormFactors as _, Observer, Outcome, Solution};
+use radiosity_form_factors::stores::{DiagonalBlocks, Keep, OnDemand, Part};
+use radiosity_form_factors::{Numbers, PairwiseRows, Rows, SelectedRows};
+use radiosity_geometry::Facets;
+
+use super::{Band, BandPlan, Plan, Role};
+use crate::estimate::{analytic, ends};
+use crate::run::{Check, Known, Made, fill_checked, solve_stored, unblocked};
+use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
+
+/// Elements on the surfaces that a test picks, ascending.
+type Chosen<'a> = dyn Fn(&dyn Fn(usize) -> bool) -> Vec<u32> + 'a;
+
+/// What takes part in a system, by its numbers among all that is exposed, ascending.
+struct Selection {
+    elements: Vec<u32>,
+    patches: Vec<u32>,
+}
+
+impl Selection {
+    /// `part`, which was selected by its elements from `whole`.
+    fn new(whole: &Geometry<'_>, part: &Geometry<'_>, elements: Vec<u32>) -> Self {
+        let place = |p: &u32| whole.exposed_patches().binary_search(p).expect("patches of a part are of the whole");
+        Self { elements, patches: part.exposed_patches().iter().map(|p| place(p) as u32).collect() }
+    }
+
+    /// Numbers of sources and targets.
+    fn ends(&self, form: Form) -> [&[u32]; 2] {
+        match form {
+            Form::Full => [&self.elements, &self.elements],
+            Form::ElementsToPatches => [&self.elements, &self.patches],
+            Form::PatchesToElements => [&self.patches, &self.elements],
+        }
+    }
+}
+
+/// Where each of `some` stands among `all`, both ascending.
+fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
+    some.iter().map(|k| all.binary_search(k).expect("a part of all") as u32).collect()
+}
+
+/// Solves by `strategy` what `plan` keeps of `geometry`.
+pub(crate) fn follow<'a>(
+    plan: &Plan,
+    geometry: Geometry<'a>,
+    meshing: Phase,
+    strategy: &Strategy,
+    observer: &mut dyn Observer,
+) -> Result<Run<'a>, RunError> {
+    let savings = plan.left_out(&geometry, strategy);
+    let surfaces = geometry.surfaces();
+    let chosen = |is: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        (0..surfaces.len() as u32).filter(|&e| is(surfaces[e as usize] as usize)).collect()
+    };
+    let elements = chosen(&|s| plan.roles[s] == Role::Exchanges);
+    let unknowns = elements.len();
+    let mut made = if elements.is_empty() {
+        nothing_emits(&geometry, strategy)
+    } else {
+        let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
+        let all = Selection::new(&geometry, &part, elements);
+        let mut made = solve_part(plan, &geometry, (&part, &all), strategy, &chosen, observer)?;
+        let clock = Instant::now();
+        made.checked = made.checked.map(|checked| checked.renamed(all.ends(strategy.shape.form())));
+        let mut irradiance = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.irradiance);
+        for room in plan.lit_rooms() {
+            let in_room = |s: usize, role: Role| plan.room[s] == room && plan.roles[s] == role;
+            let black = chosen(&|s| in_room(s, Role::Receives));
+            let senders = chosen(&|s| in_room(s, Role::Exchanges));
+            if !black.is_empty() {
+                let (h, cost) = gathered(&geometry, &all, (&black, senders), &made.solution, strategy)?;
+                made.solution.cost += cost;
+                fill_in(&plan.bands, &black, &h, &mut irradiance);
+            }
+        }
+        // What is not in the system emits nothing and reflects nothing of what arrives.
+        made.solution.radiosity = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.radiosity);
+        // What arrives at a blocker that has elements is not known.
+        for blocker in chosen(&|s| plan.roles[s] == Role::Blocks) {
+            (0..irradiance.count()).for_each(|b| irradiance.band_mut(b)[blocker as usize] = f64::NAN);
+        }
+        made.solution.irradiance = irradiance;
+        made.solution.time += clock.elapsed();
+        made
+    };
+    let bands = plan.bands.solved.len();
+    let cost = made.form_factors.cost + made.solution.cost;
+    made.left_out = savings.measured(unknowns, bands, &cost);
+    Ok(made.run(geometry, meshing))
+}
+
+/// Rows of `sources` to the targets of `to` in the form of the strategy; `from` are their facets if they are not those of `to`.
+fn selected_rows<'r>(
+    whole: &'r Geometry<'_>,
+    (part, selection): (&'r Geometry<'_>, &Selection),
+    from: Option<(&'r Facets, &[u32])>,
+    strategy: &Strategy,
+) -> Result<Box<dyn Rows + 'r>, RunError> {
+    let form = strategy.shape.form();
+    let [mut sources, targets] = selection.ends(form);
+    if let Method::Analytic { tolerance, partial } = strategy.method {
+        let (mut from_facets, to) = ends(part, form);
+        if let Some((facets, numbers)) = from {
+            (from_facets, sources) = (facets, numbers);
+        }
+        let one_list = form == Form::Full;
+        let numbers = Numbers { sources: sources.to_vec(), targets: targets.to_vec(), one_list };
+        let pairs = analytic(whole.blockers(), partial);
+        return Ok(Box::new(PairwiseRows::new(pairs, from_facets, to, tolerance, strategy.seed).numbered(numbers)));
+    }
+    if let Some((_, numbers)) = from {
+        sources = numbers;
+    }
+    let rows = crate::rows(whole, strategy.method, form, strategy.seed)?;
+    Ok(Box::new(SelectedRows::new(rows, sources.to_vec(), targets)))
+}
+
+/// Solves the system of what exchanges light: one store a room.
+fn solve_part(
+    plan: &Plan,
+    whole: &Geometry<'_>,
+    (part, all): (&Geometry<'_>, &Selection),
+    strategy: &Strategy,
+    chosen: &Chosen<'_>,
+    observer: &mut dyn Observer,
+) -> Result<Made, RunError> {
+    let form = strategy.shape.form();
+    let rooms = plan.lit_rooms();
+    if rooms.len() == 1 {
+        let rows = selected_rows(whole, (part, all), None, strategy)?;
+        let (store, known) = fill_checked(part, rows, unblocked(strategy.method), strategy)?;
+        return solve_stored(part, store.store(), known, strategy, None, observer);
+    }
+    let of_room = |room: u32| {
+        let elements = chosen(&|s| plan.room[s] == room && plan.roles[s] == Role::Exchanges);
+        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows());
+        let selection = Selection::new(whole, &own, elements);
+        (own, selection)
+    };
+    let systems: Vec<(Geometry<'_>, Selection)> = rooms.into_iter().map(of_room).collect();
+    let mut form_factors = Phase::default();
+    let mut blocks: Vec<Part<'_>> = Vec::new();
+    let [all_sources, all_targets] = all.ends(form);
+    for (own, selection) in &systems {
+        let rows = selected_rows(whole, (own, selection), None, strategy)?;
+        let (store, known) = fill_checked(own, rows, None, strategy)?;
+        form_factors.cost += known.form_factors.cost;
+        form_factors.time += known.form_factors.time;
+        let [sources, targets] = selection.ends(form);
+        blocks.push((store.boxed(), places(sources, all_sources), places(targets, all_targets)));
+    }
+    let store = DiagonalBlocks::new(blocks, all_sources.len(), all_targets.len());
+    let known = Known { form_factors, repair: None, checks: Check::Find(None, Duration::ZERO) };
+    solve_stored(part, &store, known, strategy, None, observer)
+}
+
+/// H of black elements of a room, by the solution of the system.
+fn gathered(
+    whole: &Geometry<'_>,
+    all: &Selection,
+    (black, senders): (&[u32], Vec<u32>),
+    solution: &Solution,
+    strategy: &Strategy,
+) -> Result<(BandValues, Cost), RunError> {
+    let own = whole.part(&senders, &[], false);
+    let selection = Selection::new(whole, &own, senders);
+    let facets = whole.elements().select(black);
+    let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;
+    // What the senders of the room radiate: elements, or means of patches.
+    let b = &solution.radiosity;
+    let places = places(&selection.elements, &all.elements);
+    let radiates = (0..b.count()).flat_map(|band| places.iter().map(move |&e| b.band(band)[e as usize]));
+    let mut x = BandValues::new(radiates.collect(), places.len());
+    if strategy.shape != Shape::Full {
+        x = patch_means(&own, x.view());
+    }
+    let mut h = BandValues::zeros(b.count(), black.len());
+    let cost = OnDemand::new(rows, Keep::None).gather(x.view(), h.view_mut())?;
+    for band in 0..h.count() {
+        h.band_mut(band).iter_mut().enumerate().for_each(|(e, h)| *h /= facets.area(e));
+    }
+    Ok((h, cost))
+}
+
+/// Area means over the patches of `own`.
+fn patch_means(own: &Geometry<'_>, x: Bands<'_>) -> BandValues {
+    let mut means = BandValues::zeros(x.count(), own.patches().len());
+    let mut areas = vec![0.0; own.patches().len()];
+    own.parent().iter().enumerate().for_each(|(e, &p)| areas[p as usize] += own.elements().area(e));
+    for band in 0..x.count() {
+        let of_band = means.band_mut(band);
+        for (e, &p) in own.parent().iter().enumerate() {
+            of_band[p as usize] += own.elements().area(e) * x.band(band)[e];
+        }
+        of_band.iter_mut().zip(&areas).for_each(|(mean, area)| *mean /= area);
+    }
+    means
+}
+
+/// Values of all bands on so many elements, 0 but on `elements`, from those of the solved bands there.
+fn spread(bands: &BandPlan, elements: &[u32], count: usize, values: &BandValues) -> BandValues {
+    let mut all = BandValues::zeros(bands.of.len(), count);
+    fill_in(bands, elements, values, &mut all);
+    all
+}
+
+fn fill_in(bands: &BandPlan, elements: &[u32], values: &BandValues, all: &mut BandValues) {
+    for (b, band) in bands.of.iter().enumerate() {
+        if let Band::Scaled { of, by } = *band {
+            let to = all.band_mut(b);
+            elements.iter().zip(values.band(of)).for_each(|(&e, value)| to[e as usize] = by * value);
+        }
+    }
+}
+
+/// The answer where no light is: 0, and nothing was computed for it.
+fn nothing_emits(geometry: &Geometry<'_>, strategy: &Strategy) -> Made {
+    let zeros = BandValues::zeros(geometry.scene().bands(), geometry.elements().len());
+    // A system without unknowns reflects nothing.
+    let certificate = Certificate { contraction: 0.0, bound: Some(0.0), sharp_bound: Some(0.0), backward_error: 0.0 };
+    let solution = Solution {
+        radiosity: zeros.clone(),
+        irradiance: zeros,
+        outcome: Outcome::Converged,
+        steps: 0,
+        cost: Cost::default(),
+        verification: Cost::default(),
+        time: Duration::ZERO,
+        unshot: 0.0,
+        standard_error: None,
+        certificate: strategy.verify.then_some(certificate),
+    };
+    Made::of_solution(solution)
+}

@@ -1,0 +1,182 @@
+//! What a scene does not need is left out: found before any work, exact, and counted.
+//!
+//! | left out | because | file |
+//! |---|---|---|
+//! | rows and elements of what only blocks | it sends nothing and is not asked for; with rows of rays it keeps its elements, by whose numbers they are drawn | `roles.rs` |
+//! | everything in rooms without an emitter | no light reaches them: 0 | `rooms.rs` |
+//! | form factors between rooms | a closed shell parts them: 0 | `rooms.rs` |
+//! | black surfaces as unknowns | they send nothing; H is gathered once | `roles.rs` |
+//! | bands | they are 0, or multiples of others | `bands.rs` |
+//!
+//! Each changes the answer by rounding only. Omissions of the estimators (pairs that face away, polygons that cannot block, empty shafts) are
+//! made there and need no plan. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
+//! [`crate::run`] follows it unless [`Strategy::keep_everything`] is set. A solver sees one system of the elements and bands that are needed, and so do
+//! observers; the answer is of all elements.
+//!
+//! Links, repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
+//! light need it: they leave nothing out ([`Plan::off`]). What is *not* here: omissions that need a tolerance, and the choice of a store.
+
+mod bands;
+mod counts;
+mod follow;
+mod roles;
+mod rooms;
+
+use radiosity_core::Direction;
+use radiosity_form_factors::analytic::PartialVisibility;
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::MeshError;
+
+pub use bands::{Band, BandPlan};
+pub use counts::{Counts, LeftOut, Savings};
+pub(crate) use follow::follow;
+pub use roles::Role;
+
+use crate::run::named;
+use crate::{Geometry, Method, Shape, Size, Store, Strategy};
+
+/// Pairs of faces that the plan may look at for so many elements: few against their pairs, or few at all.
+fn most_looks(elements: u64) -> u64 {
+    (elements.saturating_mul(elements) / 256).max(4096)
+}
+
+/// Why nothing is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Off {
+    /// It was asked for.
+    KeepEverything,
+    /// Links are between all elements.
+    Links,
+    /// Repair closes the rows of all elements.
+    Repair,
+    /// Draws are of all elements and bands.
+    Samples,
+}
+
+impl Off {
+    /// Why `strategy` takes everything, if it does.
+    pub fn of(strategy: &Strategy) -> Option<Self> {
+        match strategy {
+            Strategy { keep_everything: true, .. } => Some(Self::KeepEverything),
+            Strategy { store: Store::Hierarchical { .. }, .. } => Some(Self::Links),
+            Strategy { repair: true, .. } => Some(Self::Repair),
+            strategy if strategy.samples() => Some(Self::Samples),
+            _ => None,
+        }
+    }
+}
+
+impl std::fmt::Display for Off {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::KeepEverything => "everything is to be kept",
+            Self::Links => "links join all elements",
+            Self::Repair => "repair needs whole rows",
+            Self::Samples => "a solver that samples draws for all elements",
+        })
+    }
+}
+
+/// What of a scene a run computes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Why nothing is left out, if nothing is to be.
+    pub off: Option<Off>,
+    /// What each surface does.
+    pub roles: Vec<Role>,
+    /// Room of every surface; rooms that do not see each other have different numbers.
+    pub room: Vec<u32>,
+    /// Bands.
+    pub bands: BandPlan,
+    /// Whether what only blocks has no elements.
+    bare: bool,
+}
+
+impl Plan {
+    /// The plan for `scene` solved by `strategy`.
+    pub fn new(scene: &Scene, strategy: &Strategy) -> Self {
+        let off = Off::of(strategy);
+        if off.is_some() {
+            return Self { off, ..Self::everything(scene) };
+        }
+        let cells = Size::before_meshing(scene, &strategy.mesh).map_or(0, |size| size.elements);
+        let room = rooms::rooms(scene, most_looks(cells)).unwrap_or(vec![0; scene.surfaces.len()]);
+        let mut lit = vec![false; scene.surfaces.len().max(1)];
+        let material = |s: usize| &scene.materials[scene.surfaces[s].material];
+        (0..scene.surfaces.len()).for_each(|s| lit[room[s] as usize] |= material(s).emission.iter().any(|&e| e > 0.0));
+        let asked = |s: usize| strategy.asked.as_ref().is_none_or(|asked| asked.binary_search(&(s as u32)).is_ok());
+        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], asked);
+        if !gathers(strategy) {
+            // Their rows are those of the others, or asked for one by one.
+            roles.iter_mut().filter(|role| **role == Role::Receives).for_each(|role| *role = Role::Exchanges);
+        }
+        let data = |b: usize| {
+            let of = (0..roles.len()).filter(|&s| roles[s] == Role::Exchanges).map(material);
+            of.map(|material| (material.emission[b], material.reflectance[b])).collect()
+        };
+        let bands = BandPlan::new(scene.bands(), data);
+        Self { off, roles, room, bands, bare: !numbers_count(strategy) }
+    }
+
+    /// The plan that leaves nothing out.
+    fn everything(scene: &Scene) -> Self {
+        let n = scene.surfaces.len();
+        let bands = BandPlan::all(scene.bands());
+        Self { off: None, roles: vec![Role::Exchanges; n], room: vec![0; n], bands, bare: false }
+    }
+
+    /// Whether it leaves anything out.
+    pub fn omits(&self) -> bool {
+        self.roles.iter().any(|role| *role != Role::Exchanges) || self.rooms() > 1 || self.bands.omits()
+    }
+
+    /// Meshes `scene` as `strategy` says, but for surfaces that only block; all of it if rows are drawn by the numbers of elements.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the settings make no mesh.
+    pub fn mesh<'a>(&self, scene: &'a Scene, strategy: &Strategy) -> Result<Geometry<'a>, MeshError> {
+        Geometry::of_strategy_on(scene, strategy, &|s| !self.is_bare(s))
+    }
+
+    /// Whether a surface has no elements.
+    fn is_bare(&self, surface: usize) -> bool {
+        self.bare && self.roles[surface] == Role::Blocks
+    }
+
+    /// Whether no entry that is not 0 is missing in rows of the system.
+    fn keeps_rows(&self) -> bool {
+        !self.roles.iter().any(|role| matches!(role, Role::Receives | Role::Blocks))
+    }
+
+    /// Number of rooms in which something is to be solved.
+    fn rooms(&self) -> usize {
+        self.lit_rooms().len()
+    }
+
+    /// Rooms with unknowns, ascending.
+    fn lit_rooms(&self) -> Vec<u32> {
+        let lit = self.roles.iter().zip(&self.room).filter(|(role, _)| **role == Role::Exchanges);
+        let mut rooms: Vec<u32> = lit.map(|(_, &room)| room).collect();
+        rooms.sort_unstable();
+        rooms.dedup();
+        rooms
+    }
+}
+
+/// Whether rows are drawn by the numbers of their elements, which would change if some had none.
+fn numbers_count(strategy: &Strategy) -> bool {
+    !matches!(strategy.method, Method::Analytic { partial: PartialVisibility::Exact { .. }, .. })
+}
+
+/// Whether H of what is no unknown is one gather of rows of its own: where elements gather, and rows are held.
+fn gathers(strategy: &Strategy) -> bool {
+    let held = !matches!(strategy.store, Store::KeepAll | Store::KeepNone);
+    let pairwise = matches!(strategy.method, Method::Analytic { .. });
+    let shoots = named(&strategy.solver, strategy.seed).is_ok_and(|s| s.needs().direction == Direction::Shoot);
+    match strategy.shape {
+        Shape::Full => held && (pairwise || !shoots),
+        Shape::ElementsToPatches => held,
+        Shape::PatchesToElements | Shape::TwoLevel => false,
+    }
+}

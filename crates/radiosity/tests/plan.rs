@@ -1,0 +1,231 @@
+//! What a plan leaves out changes no answer, and saves what it was predicted to.
+
+use radiosity::plan::{Off, Role};
+use radiosity::{Method, Plan, Run, Shape, Store, Strategy, run};
+use radiosity_core::{BandValues, Outcome};
+use radiosity_gallery::boxes::material;
+use radiosity_gallery::rooms::{black_floor, grey_room, one_room, two_rooms};
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+
+/// 3 × 3 elements a face, solved to rounding: η = 1e-14 leaves less than the 1e-12 that is asked.
+fn strategy(method: Method) -> Strategy {
+    Strategy { unshot: 1e-14, keep_everything: false, ..Strategy::new(Subdivision::Uniform(3), method) }
+}
+
+fn in_form(method: Method, shape: Shape) -> Strategy {
+    let patches = Some(Subdivision::Uniform(1));
+    let mesh = MeshSettings { elements: Subdivision::Uniform(3), patches, contacts: true };
+    let solver = if shape == Shape::PatchesToElements { "shooting" } else { "gauss-seidel" };
+    Strategy { mesh, shape, solver: solver.to_owned(), ..strategy(method) }
+}
+
+/// Largest |difference| over the largest value.
+fn difference(a: &BandValues, b: &BandValues) -> f64 {
+    assert_eq!((a.count(), a.len()), (b.count(), b.len()));
+    let largest = a.values().iter().copied().fold(0.0, f64::max);
+    a.values().iter().zip(b.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest
+}
+
+/// The run that keeps everything and the one that does not, which agree to 1e-12.
+fn both<'a>(scene: &'a Scene, strategy: &Strategy) -> [Run<'a>; 2] {
+    let everything = Strategy { keep_everything: true, ..strategy.clone() };
+    let runs = [&everything, strategy].map(|strategy| run(scene, strategy, &mut ()).unwrap());
+    let [whole, planned] = &runs;
+    assert_eq!(planned.solution.outcome, Outcome::Converged);
+    assert!(whole.left_out.list.is_empty() && !planned.left_out.list.is_empty());
+    let (h, b) = (&whole.solution.irradiance, &whole.solution.radiosity);
+    let differences =
+        [(h, &planned.solution.irradiance), (b, &planned.solution.radiosity)].map(|(a, b)| difference(a, b));
+    assert!(differences.iter().all(|d| *d < 1e-12), "{strategy:?}: {differences:?}");
+    assert_eq!(Some(planned.left_out.predicted), planned.left_out.measured);
+    runs
+}
+
+/// Form factors, rows and rays that vanished are those predicted.
+fn saves_what_was_predicted([whole, planned]: &[Run<'_>; 2]) {
+    let (all, some, predicted) = (whole.cost(), planned.cost(), planned.left_out.predicted);
+    assert_eq!(predicted.form_factors, Some(all.form_factors - some.form_factors));
+    assert_eq!(predicted.rows, Some(all.source_evaluations - some.source_evaluations));
+    assert!(predicted.rays.is_none_or(|rays| rays == all.rays - some.rays));
+}
+
+#[test]
+fn bands_of_one_colour_are_solved_once_and_dark_ones_not_at_all() {
+    for (light, solved) in [([3.0; 3], 1), ([3.0, 0.0, 0.7], 1), ([0.0; 3], 0)] {
+        let scene = grey_room(light);
+        let plan = Plan::new(&scene, &strategy(Method::ANALYTIC));
+        assert_eq!(plan.bands.solved.len(), solved);
+        if solved == 0 {
+            continue;
+        }
+        let runs = both(&scene, &strategy(Method::ANALYTIC));
+        saves_what_was_predicted(&runs);
+        let [whole, planned] = runs;
+        assert_eq!(planned.left_out.predicted.bands, 2);
+        // As many steps, of a third of the arithmetic; the same form factors.
+        assert_eq!(planned.solution.steps, whole.solution.steps);
+        assert_eq!(planned.solution.cost.entries, whole.solution.cost.entries);
+        let third = whole.solution.cost.flops as f64 / 3.0;
+        assert!((planned.solution.cost.flops as f64 / third - 1.0).abs() < 0.01);
+    }
+}
+
+/// The counts of a grey room in three bands are those of a library call on one band, and so is the answer.
+#[test]
+fn a_grey_room_costs_what_one_band_alone_does() {
+    let grey = grey_room([3.0; 3]);
+    let materials = vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 3.0)];
+    let one_band = Scene { surfaces: grey.surfaces.clone(), materials };
+    let planned = run(&grey, &strategy(Method::ANALYTIC), &mut ()).unwrap();
+    let by_hand = Strategy { keep_everything: true, ..strategy(Method::ANALYTIC) };
+    let alone = run(&one_band, &by_hand, &mut ()).unwrap();
+    assert_eq!((planned.cost(), planned.solution.steps), (alone.cost(), alone.solution.steps));
+    for b in 0..3 {
+        assert_eq!(planned.solution.radiosity.band(b), alone.solution.radiosity.band(0));
+    }
+}
+
+#[test]
+fn what_emits_nowhere_is_zero_without_any_form_factor() {
+    let scene = grey_room([0.0; 3]);
+    let planned = run(&scene, &strategy(Method::ANALYTIC), &mut ()).unwrap();
+    let solution = &planned.solution;
+    assert!(solution.radiosity.values().iter().chain(solution.irradiance.values()).all(|value| *value == 0.0));
+    assert_eq!((solution.radiosity.count(), solution.radiosity.len()), (3, 54));
+    assert_eq!((solution.outcome, planned.cost()), (Outcome::Converged, radiosity_core::Cost::default()));
+    // 5 of 6 faces are seen by each: 9·9 pairs for each of 15 pairs of faces.
+    assert_eq!(planned.left_out.predicted.form_factors, Some(15 * 81));
+}
+
+#[test]
+fn black_faces_are_no_unknowns_and_receive_at_the_end() {
+    let scene = black_floor();
+    let rays = Method::rays(64);
+    for strategy in [
+        strategy(Method::ANALYTIC),
+        Strategy { store: Store::Packed, ..strategy(Method::ANALYTIC) },
+        strategy(Method::sampled(1e-10, 64)),
+        strategy(rays),
+        strategy(Method::HEMICUBE),
+        in_form(Method::ANALYTIC, Shape::ElementsToPatches),
+        in_form(rays, Shape::ElementsToPatches),
+    ] {
+        let runs = both(&scene, &strategy);
+        assert_eq!(runs[1].left_out.predicted.unknowns, 18, "{}", strategy.method.name());
+        saves_what_was_predicted(&runs);
+    }
+    // Rows that shoot are those of senders alone, and rays with exact emitters are not predicted; the answer is the same.
+    both(&scene, &strategy(Method::RaysAndEmitters { rays: 64 }));
+}
+
+#[test]
+fn black_faces_stay_where_patches_shoot_or_rows_are_made_on_demand() {
+    let scene = black_floor();
+    for strategy in [
+        in_form(Method::ANALYTIC, Shape::PatchesToElements),
+        Strategy { store: Store::KeepAll, ..strategy(Method::ANALYTIC) },
+        Strategy { solver: "shooting".to_owned(), ..strategy(Method::RAY_CAST) },
+    ] {
+        assert!(Plan::new(&scene, &strategy).roles.iter().all(|role| *role == Role::Exchanges));
+    }
+}
+
+/// The counts of two rooms with one lit are those of the lit one alone.
+#[test]
+fn a_dark_room_costs_nothing() {
+    let (two, one) = (two_rooms([true, false]), one_room());
+    let shooting = Strategy { solver: "shooting".to_owned(), ..strategy(Method::rays(64)) };
+    for strategy in [
+        strategy(Method::ANALYTIC),
+        strategy(Method::rays(64)),
+        strategy(Method::HEMICUBE),
+        shooting,
+        in_form(Method::ANALYTIC, Shape::ElementsToPatches),
+        in_form(Method::ANALYTIC, Shape::PatchesToElements),
+        Strategy { solver: "direct".to_owned(), ..in_form(Method::ANALYTIC, Shape::TwoLevel) },
+    ] {
+        let runs = both(&two, &strategy);
+        saves_what_was_predicted(&runs);
+        let alone = run(&one, &Strategy { keep_everything: true, ..strategy.clone() }, &mut ()).unwrap();
+        let planned = &runs[1];
+        // Walls between the rooms count as pairs that may be blocked where there are two of them.
+        assert_eq!(planned.cost().form_factors, alone.cost().form_factors);
+        assert_eq!((planned.cost().rays, planned.cost().entries), (alone.cost().rays, alone.cost().entries));
+        assert_eq!(
+            (planned.solution.cost.flops, planned.solution.steps),
+            (alone.solution.cost.flops, alone.solution.steps)
+        );
+        assert_eq!(planned.stored_bytes, alone.stored_bytes);
+        assert!(planned.solution.radiosity.band(0)[54..].iter().all(|b| *b == 0.0));
+    }
+}
+
+#[test]
+fn rooms_that_do_not_see_each_other_are_separate_systems() {
+    let scene = two_rooms([true, true]);
+    for strategy in [
+        strategy(Method::ANALYTIC),
+        Strategy { store: Store::Packed, ..strategy(Method::ANALYTIC) },
+        Strategy { solver: "direct".to_owned(), ..strategy(Method::ANALYTIC) },
+        Strategy { solver: "gauss-seidel".to_owned(), store: Store::Sparse, ..strategy(Method::rays(64)) },
+        Strategy { solver: "gmres".to_owned(), ..strategy(Method::HEMICUBE) },
+        in_form(Method::ANALYTIC, Shape::ElementsToPatches),
+        in_form(Method::rays(64), Shape::PatchesToElements),
+        Strategy { solver: "direct".to_owned(), ..in_form(Method::ANALYTIC, Shape::TwoLevel) },
+    ] {
+        let runs = both(&scene, &strategy);
+        saves_what_was_predicted(&runs);
+        let [whole, planned] = runs;
+        // Two blocks of half the size; tiles of packed stores are larger than both, and sparse rows have no zeros.
+        assert!(strategy.store != Store::Dense || planned.stored_bytes < whole.stored_bytes * 3 / 4);
+    }
+    let on_demand = Strategy { store: Store::KeepAll, solver: "shooting".to_owned(), ..strategy(Method::ANALYTIC) };
+    let [whole, planned] = both(&scene, &on_demand);
+    assert!(planned.cost().form_factors < whole.cost().form_factors);
+}
+
+/// The sheet (6) and the floor (4) are black: not asked for, they have no elements, and still take light from what lies behind.
+#[test]
+fn what_is_not_asked_for_and_sends_nothing_only_blocks() {
+    let scene = black_floor();
+    for method in [Method::ANALYTIC, Method::rays(64), Method::HEMICUBE] {
+        let strategy = Strategy { asked: Some(vec![0, 1, 2, 3, 5]), ..strategy(method) };
+        let everything = Strategy { keep_everything: true, ..strategy.clone() };
+        let [whole, planned] = [&everything, &strategy].map(|strategy| run(&scene, strategy, &mut ()).unwrap());
+        // Rows of rays and hemicubes are drawn by the numbers of elements, which therefore stay.
+        let exact = method == Method::ANALYTIC;
+        assert_eq!(planned.geometry.elements().len(), if exact { 45 } else { 63 });
+        let asked = |e: &usize| !(36..45).contains(e) && *e < 54;
+        for (all, some) in [
+            (&whole.solution.radiosity, &planned.solution.radiosity),
+            (&whole.solution.irradiance, &planned.solution.irradiance),
+        ] {
+            for b in 0..3 {
+                let (all, some) = (all.band(b), some.band(b));
+                let places = (0..63).filter(asked).enumerate();
+                let differences = places.map(|(k, e)| (all[e] - some[if exact { k } else { e }]).abs());
+                assert!(differences.fold(0.0, f64::max) < 1e-12 * all.iter().copied().fold(0.0, f64::max));
+            }
+        }
+        let (all, some) = (whole.cost(), planned.cost());
+        if let Some(predicted) = planned.left_out.predicted.form_factors {
+            assert_eq!(predicted, all.form_factors - some.form_factors);
+        }
+        assert_eq!(Some(planned.left_out.predicted), planned.left_out.measured);
+        assert_eq!(planned.left_out.predicted.rows, Some(18));
+        assert_eq!(all.source_evaluations - some.source_evaluations, 18);
+    }
+}
+
+#[test]
+fn what_needs_everything_says_so() {
+    let scene = two_rooms([true, false]);
+    let plain = strategy(Method::ANALYTIC);
+    let off = |strategy: Strategy| Plan::new(&scene, &strategy).off;
+    assert_eq!(off(plain.clone()), None);
+    assert_eq!(off(Strategy { keep_everything: true, ..plain.clone() }), Some(Off::KeepEverything));
+    assert_eq!(off(Strategy { store: Store::HIERARCHICAL, ..plain.clone() }), Some(Off::Links));
+    assert_eq!(off(Strategy { repair: true, ..plain.clone() }), Some(Off::Repair));
+    assert_eq!(off(Strategy { solver: "stochastic".to_owned(), ..plain }), Some(Off::Samples));
+}
