@@ -3,7 +3,7 @@
 use glam::DVec3;
 use radiosity_core::Cost;
 
-use crate::brdf::{Bsdf, Frame, Ideal};
+use crate::brdf::{Bsdf, Frame};
 use crate::numbers::Numbers;
 use crate::path_class::{Itinerary, PathClasses};
 use crate::stage::{Place, RADIANCE, Stage};
@@ -89,18 +89,6 @@ impl Walk {
         let Some(sampled) = sampled else { return false };
         self.leave(arrival, arrival.frame.scene(sampled.direction), sampled.density);
         true
-    }
-
-    /// Every way on from a surface whose specular part has several ideal directions and no others; none from another.
-    pub fn split(&self, arrival: &Arrival<'_>) -> Vec<Self> {
-        let way = |ideal: Ideal| {
-            let mut walk = self.clone();
-            walk.itinerary = walk.itinerary.specular();
-            walk.weight.iter_mut().zip(&ideal.weight).for_each(|(w, part)| *w *= part);
-            walk.leave(arrival, arrival.frame.scene(ideal.direction), None);
-            walk
-        };
-        arrival.part.map_or_else(Vec::new, |part| part.ideal(arrival.o).into_iter().map(way).collect())
     }
 
     /// Leaves for a new direction.

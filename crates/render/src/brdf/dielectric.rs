@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use super::microfacets::Facets;
-use super::{Bsdf, Ideal, Sampled, fresnel, mirrored};
+use super::{Bsdf, Sampled, fresnel, mirrored};
 
 /// The boundary between the outside, on the front, and a dielectric of index n behind it; it works on both sides.
 ///
@@ -76,13 +76,6 @@ impl Meeting {
     }
 }
 
-/// The share that a facet m reflects towards a direction above, and the directions it is reflected from and refracted from; n is the index beyond over that above.
-fn ways(above: DVec3, m: DVec3, n: f64) -> (f64, DVec3, DVec3) {
-    let cos = above.dot(m).clamp(0.0, 1.0);
-    let (reflected, cos_t) = fresnel::dielectric(cos, n);
-    (reflected, mirrored(above, m), m * (cos / n - cos_t) - above / n)
-}
-
 impl Bsdf for Dielectric {
     fn bands(&self) -> usize {
         self.tint.len()
@@ -107,9 +100,10 @@ impl Bsdf for Dielectric {
         let (side, n) = (o.z.signum(), self.beyond(o));
         let above = o * side;
         let m = self.facets.map_or(DVec3::Z, |facets| facets.sample(above, [u[0], u[1]]));
-        let (reflected, mirrored, refracted) = ways(above, m, n);
+        let cos = above.dot(m).clamp(0.0, 1.0);
+        let (reflected, cos_t) = fresnel::dielectric(cos, n);
         let reflects = u[2] < reflected;
-        let i = if reflects { mirrored } else { refracted };
+        let i = if reflects { mirrored(above, m) } else { m * (cos / n - cos_t) - above / n };
         if (i.z > 0.0) != reflects || i.z == 0.0 {
             return None;
         }
@@ -120,18 +114,6 @@ impl Bsdf for Dielectric {
             weight.iter_mut().zip(&self.tint).for_each(|(w, tint)| *w *= tint);
         }
         Some(Sampled { direction: i, density: self.facets.map(|_| self.density(o, i)) })
-    }
-
-    fn ideal(&self, o: DVec3) -> Vec<Ideal> {
-        if self.facets.is_some() || o.z == 0.0 {
-            return Vec::new();
-        }
-        let side = o.z.signum();
-        let (reflected, mirrored, refracted) = ways(o * side, DVec3::Z, self.beyond(o));
-        let passed = self.tint.iter().map(|tint| tint * (1.0 - reflected)).collect();
-        let ways = [(mirrored, vec![reflected; self.tint.len()]), (refracted, passed)];
-        let lit = ways.into_iter().filter(|(i, weight)| i.z != 0.0 && weight.iter().any(|w| *w > 0.0));
-        lit.map(|(i, weight)| Ideal { direction: i.normalize() * side, weight }).collect()
     }
 
     fn density(&self, o: DVec3, i: DVec3) -> f64 {

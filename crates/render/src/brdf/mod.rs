@@ -53,15 +53,6 @@ pub struct Sampled {
     pub density: Option<f64>,
 }
 
-/// An ideal direction with the share of radiance that comes from there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Ideal {
-    /// The direction i, a unit vector.
-    pub direction: DVec3,
-    /// What radiance from there counts, one value a band.
-    pub weight: Vec<f64>,
-}
-
 /// A distribution function of reflection and transmission, with one value a band.
 pub trait Bsdf: Send + Sync {
     /// Number of bands.
@@ -72,11 +63,6 @@ pub trait Bsdf: Send + Sync {
 
     /// A direction i for o, from `u` in [0, 1)³. `weight` is *multiplied* by f(o, i) |cosθ_i| / density. `None` where the path ends.
     fn sample(&self, o: DVec3, u: [f64; 3], weight: &mut [f64]) -> Option<Sampled>;
-
-    /// All directions of which [`Self::sample`] picks one for o, where there are several and all are ideal; else none. Followed all, they make no noise.
-    fn ideal(&self, _o: DVec3) -> Vec<Ideal> {
-        Vec::new()
-    }
 
     /// The density with which [`Self::sample`] draws i for o, in 1/sr; 0 for ideal directions.
     fn density(&self, o: DVec3, i: DVec3) -> f64;

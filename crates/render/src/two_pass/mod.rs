@@ -63,10 +63,6 @@ pub enum Stored<'a> {
     Apart([&'a dyn Field; 4]),
 }
 
-/// Scatterings up to which both parts of light are followed where a smooth boundary reflects some and refracts the rest (Whitted 1980): a lamp seen by reflection in glass is
-/// rare among paths that pick one of both, and bright.
-const SPLIT: u32 = 2;
-
 /// The ways of [`Stored::Apart`].
 const WAYS: [Way; 4] = [Way::Direct, Way::SpecularDirect, Way::Indirect, Way::SpecularIndirect];
 
@@ -162,36 +158,23 @@ impl<'a> TwoPass<'a> {
     /// Follows the specular parts of surfaces until the path ends; `diffuse` sees to the diffuse part of each.
     fn follow(
         &self,
-        walk: Walk,
+        mut walk: Walk,
         classes: PathClasses,
         numbers: &mut Numbers,
         value: &mut [f64],
         diffuse: &AtDiffuse<'_>,
     ) -> Cost {
-        let (mut cost, mut next, mut later) = (Cost::default(), Some(walk), Vec::new());
-        while let Some(mut walk) = next {
+        let mut cost = Cost::default();
+        loop {
             cost.rays += 1;
-            let arrival = walk.arrive(self.stage, classes, value);
-            if let Some(arrival) = &arrival
-                && arrival.place.front
-                && self.stage.reflectance(arrival.place.surface).iter().any(|rho| *rho > 0.0)
-            {
-                cost += diffuse(&walk, arrival, numbers, value);
+            let Some(arrival) = walk.arrive(self.stage, classes, value) else { return cost };
+            if arrival.place.front && self.stage.reflectance(arrival.place.surface).iter().any(|rho| *rho > 0.0) {
+                cost += diffuse(&walk, &arrival, numbers, value);
             }
-            next = arrival.and_then(|arrival| {
-                if walk.scatterings < SPLIT {
-                    let ways = walk.split(&arrival);
-                    if !ways.is_empty() {
-                        later.extend(ways);
-                        return None;
-                    }
-                }
-                let goes_on = walk.scatter(self.stage, classes, &arrival, numbers, value, &mut cost);
-                (goes_on && walk.survives(numbers)).then_some(walk)
-            });
-            next = next.or_else(|| later.pop());
+            if !walk.scatter(self.stage, classes, &arrival, numbers, value, &mut cost) || !walk.survives(numbers) {
+                return cost;
+            }
         }
-        cost
     }
 
     /// Whether directions are gathered from a facet.
