@@ -4,7 +4,8 @@
 //! interreflection; of two passes (Wallace, Cohen, Greenberg 1987; Sillion and Puech 1989) the first carries light from diffuse surfaces to diffuse ones, by way of as many specular
 //! surfaces as it is allowed, and the second shows it; path tracing misses nothing and its noise falls like N^(−1/2), so that twice the accuracy takes four times
 //! the rays. Glass takes two bounces to pass, a mirror one. Measured in a Cornell box with a mirror for a wall, a glass sphere and a glossy floor
-//! ([`cornell_specular`]); every method takes rounds of 16 samples a pixel, whose seed no other picture has.
+//! ([`cornell_specular`]); every method takes rounds of 16 samples a pixel, whose seed no other picture has, and two of them also more where there is more noise
+//! ([`Film::by_noise`]): the noise of two passes sits in few pixels, that of path tracing in most.
 //!
 //! Errors are rms over pixels and bands against a reference by our path tracer, relative to its mean. It has noise of its own, which is independent of the picture's and of known
 //! variance, so
@@ -35,9 +36,9 @@ use radiosity_geometry::mesh::Subdivision;
 use radiosity_geometry::{Occluders, Scene};
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
-use radiosity_render::numbers::{ROUND, STREAMS};
+use radiosity_render::numbers::STREAMS;
 use radiosity_render::{
-    Camera, Control, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored,
+    Allotment, Camera, Control, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored,
     Tone, TwoPass, TwoPassSettings,
 };
 
@@ -72,7 +73,7 @@ pub fn size(profile: Profile) -> [u32; 2] {
 
 /// Rounds of the reference.
 fn reference_rounds(profile: Profile) -> u64 {
-    profile.pick(16, 80, 420)
+    profile.pick(16, 64, 256)
 }
 
 /// Rays of a row of straight form factors, and of one by way of specular surfaces.
@@ -101,6 +102,8 @@ pub struct Way {
     pub gather: u32,
     /// Longest edge of an element; 0 without a mesh.
     edge: f64,
+    /// Whether pixels take samples by their noise.
+    by_noise: bool,
     rounds: u64,
 }
 
@@ -119,7 +122,9 @@ impl Way {
 
     /// Its name.
     pub fn method(self) -> String {
-        if self.gather > 0 { format!("{}, gathered", self.style()) } else { self.style().to_owned() }
+        let gathered = if self.gather > 0 { ", gathered" } else { "" };
+        let by_noise = if self.by_noise { ", by noise" } else { "" };
+        format!("{}{gathered}{by_noise}", self.style())
     }
 
     /// Its name with its mesh.
@@ -138,8 +143,9 @@ fn ways(profile: Profile) -> Vec<Way> {
     use SpecularBounces::{Any, AtMost, None};
     let coarse = profile.pick(1.6, 0.8, 0.8);
     let [few, some, many, most] = profile.pick([1, 2, 8, 8], [4, 8, 16, 32], [16, 32, 64, 128]);
-    let two = |bounces, gather, edge, rounds| Way { kind: Kind::TwoPasses(bounces), gather, edge, rounds };
-    let plain = |kind, edge, rounds| Way { kind, gather: 0, edge, rounds };
+    let plain = |kind, edge, rounds| Way { kind, gather: 0, edge, by_noise: false, rounds };
+    let two = |bounces, gather, edge, rounds| Way { gather, ..plain(Kind::TwoPasses(bounces), edge, rounds) };
+    let by_noise = |way: Way| Way { by_noise: true, ..way };
     let mut all = vec![
         plain(Kind::Radiosity, 0.5 * coarse, some),
         plain(Kind::RayTracing, 0.0, many),
@@ -156,7 +162,11 @@ fn ways(profile: Profile) -> Vec<Way> {
     for halving in 0..2 {
         all.push(two(Any, GATHERED, coarse / f64::from(1 << halving), many / 2));
     }
-    all.push(plain(Kind::PathTracing, 0.0, most / 2));
+    for halving in 1..=halvings {
+        all.push(by_noise(two(Any, 0, coarse / f64::from(1 << halving), some)));
+    }
+    all.push(plain(Kind::PathTracing, 0.0, profile.pick(4, 16, 512)));
+    all.push(by_noise(plain(Kind::PathTracing, 0.0, profile.pick(8, 16, 128))));
     all
 }
 
@@ -265,19 +275,21 @@ struct Reference {
 fn reference(context: &Context, scene: &Scene) -> Result<Reference, Box<dyn Error>> {
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     let ([width, height], rounds) = (size(context.profile()), reference_rounds(context.profile()));
-    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}x{STREAMS}.film"));
+    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}x{STREAMS}-by-noise.film"));
     if let Some(known) = read_film(&file, [width, height], scene.bands(), rounds) {
         return Ok(known);
     }
     let occluders = Occluders::of_scene(scene);
     let stage = Stage::new(scene, &occluders);
     let (tracer, camera) = (PathTracer::new(&stage, PathClasses::ALL), camera([width, height])?);
-    let mut film = Film::new(width, height, scene.bands());
+    let mut film = Film::by_noise(width, height, scene.bands());
     let clock = Instant::now();
-    (0..rounds).for_each(|_| tracer.expose(&camera, REFERENCE_SEED, &mut film));
+    while film.allotment() == &Allotment::Pilot || film.rounds < rounds {
+        tracer.expose(&camera, REFERENCE_SEED, &mut film);
+    }
     let seconds = clock.elapsed().as_secs_f64();
     std::fs::create_dir_all(&folder)?;
-    let mut bytes = format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "seconds": seconds })).into_bytes();
+    let mut bytes = format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "samples": film.samples, "seconds": seconds })).into_bytes();
     film.state().iter().flatten().for_each(|sum| bytes.extend(sum.to_le_bytes()));
     std::fs::write(&file, bytes)?;
     Ok(Reference { film, seconds })
@@ -295,8 +307,10 @@ fn read_film(file: &Path, [width, height]: [u32; 2], bands: usize, rounds: u64) 
     if state.len() != width as usize * height as usize * bands {
         return None;
     }
+    // It does not go on, so that how it was allotted does not matter.
+    let film = Film::new(width, height, bands);
     Some(Reference {
-        film: Film::resume(width, height, bands, rounds, state, cost),
+        film: film.resume([rounds, header["samples"].as_u64()?], state, Allotment::Even, cost),
         seconds: header["seconds"].as_f64()?,
     })
 }
@@ -368,7 +382,8 @@ fn take(
     let first = first_pass(way, scenes, profile)?;
     let (cost, before) = first.as_ref().map_or((Cost::default(), 0.0), |(first, seconds)| (first.run.cost(), *seconds));
     let elements = first.as_ref().map_or(0, |(first, _)| first.run.geometry.elements().len());
-    let mut film = Film::new(reference.width, reference.height, reference.bands);
+    let new = if way.by_noise { Film::by_noise } else { Film::new };
+    let mut film = new(reference.width, reference.height, reference.bands);
     let (mut records, mut at_common) = (Vec::new(), Vec::new());
     with_pass(
         way,
@@ -387,7 +402,7 @@ fn take(
                     at_common = film.means();
                 }
                 let compared = compare(&film, reference);
-                let samples = film.rounds * u64::from(ROUND);
+                let samples = samples(&film);
                 let record = Record::new(format!("{}/{samples}", way.line()))
                     .text("series", "pictures")
                     .text("method", way.method())
@@ -475,8 +490,9 @@ fn pictures(context: &mut Context, taken: &[&Taken], reference: &Film) -> Result
     write("sheet", caption, &Image::sheet(&rows, 8))
 }
 
+/// Samples that a pixel has taken in the mean.
 fn samples(film: &Film) -> u64 {
-    film.rounds * u64::from(ROUND)
+    film.samples_of_a_pixel().round() as u64
 }
 
 impl Experiment for TwoPasses {
@@ -515,7 +531,8 @@ impl Experiment for TwoPasses {
         let reference = reference(context, &scene)?;
         context.tick("reference");
         let level = mean(reference.film.means().into_iter());
-        let path_tracing = Way { kind: Kind::PathTracing, gather: 0, edge: 0.0, rounds: reference.film.rounds };
+        let path_tracing =
+            Way { kind: Kind::PathTracing, gather: 0, edge: 0.0, by_noise: true, rounds: reference.film.rounds };
         context.record(
             Record::new("reference")
                 .text("series", "reference")
@@ -553,7 +570,8 @@ impl Experiment for TwoPasses {
         let finest = |k: &usize| taken.get(k + 1).is_none_or(|next| next.way.method() != taken[*k].way.method());
         let shown: Vec<&Taken> = (0..taken.len()).filter(finest).map(|k| &taken[k]).collect();
         pictures(context, &shown, &reference.film)?;
-        let shown: Vec<Way> = shown.iter().map(|t| t.way).collect();
+        // Allotment changes no class.
+        let shown: Vec<Way> = shown.iter().map(|t| t.way).filter(|way| !way.by_noise).collect();
         drop(taken);
         for record in classes::by_class(&shown, (&scene, &plain), profile)? {
             context.record(record);
@@ -570,15 +588,17 @@ impl Experiment for TwoPasses {
         let panel = |x: &'static str, unit: &str| {
             let line = |(name, rows): (String, Vec<Row<'_>>)| {
                 let style = rows.first().map_or("", |r| r.text("style"));
-                let gathered = name.contains("gathered");
+                let dash = match name {
+                    _ if name.contains("by noise") => Some(Dash::Dotted),
+                    _ if name.contains("gathered") => Some(Dash::Dashed),
+                    _ => None,
+                };
                 let at = |r: &Row<'_>| (value(r, x), r.number("error"));
-                let mut series = Series::new(&*name, style).rows(rows, at);
-                if style == "path tracing" {
-                    // Of the reference all that is known is its noise.
-                    let last = tables.select_eq("series", "reference").into_iter();
-                    series = series.values(last.map(|r| (value(&r, x), r.number("noise"))));
+                let series = Series::new(&*name, style).rows(rows, at);
+                match dash {
+                    Some(dash) => series.dash(dash),
+                    None => series,
                 }
-                if gathered { series.dash(Dash::Dashed) } else { series }
             };
             let lines = group_by(tables.select_eq("series", "pictures"), "line").into_iter().map(line);
             Panel::new(Axis::log(x, unit), Axis::log("error", "share of the mean"))
@@ -587,7 +607,7 @@ impl Experiment for TwoPasses {
         };
         vec![
             Figure::new("work-precision", "Error against rays and time")
-                .caption("rms over pixels against the reference, whose noise is subtracted; one mark each doubling of the samples; the last of path tracing is the reference's own noise. Rays and time include the first pass.")
+                .caption("rms over pixels against the reference, whose noise is subtracted; one mark each doubling of the rounds; by noise: more samples where there is more noise. Rays and time include the first pass.")
                 .panel(panel("rays", ""))
                 .panel(panel("time", "s"))
                 .shared_y(),
@@ -611,34 +631,42 @@ fn meets(rows: &[Row<'_>]) -> Option<[f64; 2]> {
     Some([1, 2].map(|k| pair[0][k] * (pair[1][k] / pair[0][k]).powf(part)))
 }
 
-/// Rays and time at the target, of the path tracer and of two passes.
+/// Rays and seconds of a line at the target: where it meets it, or, of path tracing that has not, from its noise, which is all its error and falls like N^(−1/2).
+fn takes(rows: &[Row<'_>]) -> Option<[f64; 2]> {
+    let last = rows.last()?;
+    let factor = (last.number("noise") / TARGET).powi(2);
+    let extrapolated = || Some([factor * last.number("rays"), factor * last.seconds("time")]);
+    meets(rows).or_else(|| if last.text("style") == "path tracing" && factor > 1.0 { extrapolated() } else { None })
+}
+
+/// Rays and time at the target, of the path tracer and of two passes, each with the same samples in all pixels and with samples by noise.
 fn at_target(tables: &Tables) -> Vec<String> {
-    let references = tables.select_eq("series", "reference");
-    let Some(reference) = references.first() else { return Vec::new() };
-    // Its noise is all its error, and that falls like N^(−1/2).
-    let factor = (reference.number("noise") / TARGET).powi(2);
-    let traced = [factor * reference.number("rays"), factor * reference.seconds("time")];
     let lines = group_by(tables.select(|r| r.text("series") == "pictures" && r.text("complete") == "yes"), "line");
-    let best = lines.iter().filter(|(name, _)| name.starts_with("two passes"));
-    let met = best.filter_map(|(name, rows)| Some((name, meets(rows)?))).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    let by_paths = format!(
-        "path tracing takes {} million rays and {} (from its noise of {} after {} samples a pixel, which is the reference's)",
-        numbers::significant(traced[0] / 1e6, 3),
-        numbers::seconds(traced[1]),
-        numbers::percent(reference.number("noise")),
-        reference.number("samples"),
-    );
-    vec![match met {
-        Some((name, [rays, seconds])) => format!(
-            "At an error of {} over pixels {by_paths}, {name} {} million and {}: a share of {} and {}.",
-            numbers::percent(TARGET),
-            numbers::significant(rays / 1e6, 3),
-            numbers::seconds(seconds),
-            numbers::significant(rays / traced[0], 2),
-            numbers::significant(seconds / traced[1], 2),
-        ),
-        None => format!("At an error of {} {by_paths}; no two passes get there.", numbers::percent(TARGET)),
-    }]
+    let best = |style: &str, by_noise: bool| {
+        let of = lines.iter().filter(|(name, _)| name.starts_with(style) && name.contains("by noise") == by_noise);
+        of.filter_map(|(name, rows)| Some((name, takes(rows)?))).min_by(|a, b| a.1[0].total_cmp(&b.1[0]))
+    };
+    let amounts = |name: &str, [rays, seconds]: [f64; 2]| {
+        format!("{name} {} million rays and {}", numbers::significant(rays / 1e6, 3), numbers::seconds(seconds))
+    };
+    let Some((traced_by, traced)) = best("path tracing", false) else { return Vec::new() };
+    let shares = |name: &str, two: [f64; 2], of: [f64; 2]| {
+        let share = |k: usize| numbers::significant(two[k] / of[k], 2);
+        format!("{}: a share of {} and {}", amounts(name, two), share(0), share(1))
+    };
+    let mut reading = Vec::new();
+    for by_noise in [false, true] {
+        let found = match best("two passes", by_noise) {
+            Some((name, two)) => shares(name, two, traced),
+            None => "no two passes get there".to_owned(),
+        };
+        let target = numbers::percent(TARGET);
+        reading.push(format!("At an error of {target} over pixels {} takes; {found}.", amounts(traced_by, traced)));
+    }
+    if let (Some((name, traced)), Some((other, two))) = (best("path tracing", true), best("two passes", true)) {
+        reading.push(format!("Against {}, {}.", amounts(name, traced), shares(other, two, traced)));
+    }
+    reading
 }
 
 /// What the incomplete methods end with.

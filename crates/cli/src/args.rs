@@ -442,9 +442,12 @@ pub struct RenderArgs {
     /// given and not reached, the exit code is 1.
     #[arg(long, value_name = "E", value_parser = share)]
     pub noise: Option<f64>,
-    /// Most samples a pixel; they come in rounds of 16.
+    /// Most samples that a pixel takes in the mean; they come in rounds of 16.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = count)]
     pub samples: u32,
+    /// Take as many samples of every pixel as of any other, instead of more where there is more noise (from 256 samples on, of which the first 64 tell where).
+    #[arg(long)]
+    pub even: bool,
     /// How a PNG shows brightness.
     #[arg(long, value_name = "NAME", value_enum, default_value = "clamp")]
     pub tone: ToneName,

@@ -1,9 +1,10 @@
 //! The state of a picture that was begun, so that it can go on later to the same bytes.
 //!
 //! ```text
-//! radiosity film 2\n
-//! one line of JSON: settings, rounds, rays\n
+//! radiosity film 3\n
+//! one line of JSON: settings, rounds, samples, rays, allotment (even, pilot or by noise)\n
 //! Σ of the means of rounds, by pixels, bands and streams: doubles, little-endian
+//! by noise: nets of samples that every pixel takes in a round: 16 bits each, little-endian
 //! ```
 //!
 //! Settings are those that samples depend on, each as text under the name of its flag; a file whose settings are others is refused.
@@ -12,17 +13,20 @@ use std::path::Path;
 
 use radiosity_core::Cost;
 use radiosity_io::{WriteError, write_atomically};
-use radiosity_render::Film;
 use radiosity_render::numbers::STREAMS;
+use radiosity_render::{Allotment, Film};
 use serde_json::{Value, json};
 
 use crate::Failure;
 
 /// First line of every such file.
-const MAGIC: &str = "radiosity film 2";
+const MAGIC: &str = "radiosity film 3";
 
 /// Bytes of a pixel and band.
 const WIDTH: usize = 8 * STREAMS;
+
+/// The allotment that is a list.
+const BY_NOISE: &str = "by noise";
 
 /// Names and values of what samples depend on.
 pub type Settings = Vec<(&'static str, String)>;
@@ -31,18 +35,28 @@ pub type Settings = Vec<(&'static str, String)>;
 pub fn write(path: &Path, film: &Film, settings: &Settings) -> Result<(), WriteError> {
     let named: serde_json::Map<_, _> =
         settings.iter().map(|(name, value)| ((*name).to_owned(), value.as_str().into())).collect();
-    let header = json!({ "settings": named, "rounds": film.rounds, "rays": film.cost.rays });
+    let (allotment, nets): (_, &[u16]) = match film.allotment() {
+        Allotment::Even => ("even", &[]),
+        Allotment::Pilot => ("pilot", &[]),
+        Allotment::ByNoise(nets) => (BY_NOISE, nets),
+    };
+    let header = json!({
+        "settings": named, "rounds": film.rounds, "samples": film.samples, "rays": film.cost.rays, "allotment": allotment,
+    });
     write_atomically(path, |out| {
         writeln!(out, "{MAGIC}\n{header}")?;
         for value in film.state().iter().flatten() {
             out.write_all(&value.to_le_bytes())?;
         }
+        for count in nets {
+            out.write_all(&count.to_le_bytes())?;
+        }
         Ok(())
     })
 }
 
-/// Reads a film of this size, if it was made with these settings.
-pub fn read(path: &Path, [width, height]: [u32; 2], bands: usize, settings: &Settings) -> Result<Film, Failure> {
+/// Reads on where `film`, which has no samples yet, can go on, if the file was made with these settings.
+pub fn read(path: &Path, film: Film, settings: &Settings) -> Result<Film, Failure> {
     let name = path.display();
     let bytes = std::fs::read(path)
         .map_err(|error| format!("{name}: cannot be read ({error}); leave out --resume to begin anew"))?;
@@ -62,15 +76,24 @@ pub fn read(path: &Path, [width, height]: [u32; 2], bands: usize, settings: &Set
         }
     }
     let count = |key: &str| header[key].as_u64().ok_or_else(|| damaged(&format!("its count of {key} is missing")));
-    let (rounds, rays) = (count("rounds")?, count("rays")?);
-    let values = parts.next().unwrap_or_default();
-    let len = width as usize * height as usize * bands;
-    if values.len() != WIDTH * len {
-        let why = format!("it holds {} bytes of sums, not {}", values.len(), WIDTH * len);
+    let [rounds, samples, rays] = [count("rounds")?, count("samples")?, count("rays")?];
+    let (values, pixels) = (parts.next().unwrap_or_default(), film.width as usize * film.height as usize);
+    let sums = WIDTH * pixels * film.bands;
+    let expected = sums + if header["allotment"] == BY_NOISE { 2 * pixels } else { 0 };
+    if values.len() != expected {
+        let why = format!("it holds {} bytes of numbers, not {expected}", values.len());
         return Err(damaged(&why).into());
     }
+    let (sums, nets) = values.split_at(sums);
     let value = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("chunks of eight bytes"));
-    let sums = |bytes: &[u8]| std::array::from_fn(|s| value(&bytes[8 * s..8 * s + 8]));
-    let state = values.chunks_exact(WIDTH).map(sums).collect();
-    Ok(Film::resume(width, height, bands, rounds, state, Cost { rays, ..Cost::default() }))
+    let of_streams = |bytes: &[u8]| std::array::from_fn(|s| value(&bytes[8 * s..8 * s + 8]));
+    let state = sums.chunks_exact(WIDTH).map(of_streams).collect();
+    let allotment = match header["allotment"].as_str() {
+        Some("even") => Allotment::Even,
+        Some("pilot") => Allotment::Pilot,
+        // A pixel without a net would have no mean.
+        Some(BY_NOISE) => Allotment::ByNoise(nets.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]).max(1)).collect()),
+        _ => return Err(damaged("it does not say how samples are allotted").into()),
+    };
+    Ok(film.resume([rounds, samples], state, allotment, Cost { rays, ..Cost::default() }))
 }

@@ -42,6 +42,9 @@ const RAYS: u32 = SPECULAR_RAYS;
 /// Noise at which a picture is done if none is asked for.
 const NOISE: f64 = 0.02;
 
+/// Most samples a pixel below which it does not pay to find out where they are needed.
+const ALLOTTED: u32 = 256;
+
 /// Share of the pixels that show no light that are not brighter than white.
 const BELOW_WHITE: f64 = 0.98;
 
@@ -69,9 +72,12 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         return dry_run(args, scene, &strategy, &view);
     }
     let settings = settings(args, scene, &strategy, &view);
+    let [width, height] = args.view.size;
+    let new = if args.even || args.samples < ALLOTTED { Film::new } else { Film::by_noise };
+    let empty = new(width, height, scene.bands());
     let mut film = match &args.state {
-        Some(path) if args.resume => film_state::read(path, args.view.size, scene.bands(), &settings)?,
-        _ => Film::new(args.view.size[0], args.view.size[1], scene.bands()),
+        Some(path) if args.resume => film_state::read(path, empty, &settings)?,
+        _ => empty,
     };
     let of_surfaces = colours.as_ref().and_then(FalseColours::of_surfaces);
     let mut studio = Studio { args, settings, colours, seconds: 0.0, look: None };
@@ -174,6 +180,7 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         ("--seed", args.common.seed.to_string()),
         ("--paths", classes.join(",")),
         ("method", method),
+        ("--even", (args.even || args.samples < ALLOTTED).to_string()),
         ("version of the program", env!("CARGO_PKG_VERSION").to_owned()),
     ]
 }
@@ -231,16 +238,16 @@ impl Studio<'_> {
         mut round: impl FnMut(&mut Film),
     ) -> Result<(), Failure> {
         let common = &self.args.common;
-        let most = self.args.samples.div_ceil(ROUND);
+        let most = f64::from(self.args.samples);
         let mut shown = Instant::now();
-        while film.rounds < most.into() && !self.good(film) {
+        while film.samples_of_a_pixel() < most && !self.good(film) {
             let clock = Instant::now();
             round(film);
             self.seconds += clock.elapsed().as_secs_f64();
             if shown.elapsed() >= EVERY {
                 self.keep(film, stage, view)?;
                 if !(common.quiet || common.no_progress || common.json) {
-                    eprintln!("{} samples a pixel, noise {}", samples(film), percent(film.noise()));
+                    eprintln!("{:.0} samples a pixel, noise {}", film.samples_of_a_pixel(), percent(film.noise()));
                 }
                 shown = Instant::now();
             }
@@ -323,7 +330,7 @@ impl Studio<'_> {
             "gathering": self.look.as_ref().map(|look| json!({
                 "elements": look.control.count(), "seconds": look.seconds, "counts": output::cost(&look.control.cost),
             })),
-            "samples": samples(film),
+            "samples": film.samples_of_a_pixel().round() as u64,
             "noise": finite(film.noise()),
             "noise_met": self.good(film),
             "peak_bytes": output::peak_bytes(),
@@ -335,10 +342,10 @@ impl Studio<'_> {
             format!("gathering from {count} elements, found by {rays} rays in {:.3} s", look.seconds)
         }));
         lines.push(format!(
-            "{} × {} pixels: {} samples a pixel in {:.3} s, {} rays, noise {}{}",
+            "{} × {} pixels: {:.0} samples a pixel in {:.3} s, {} rays, noise {}{}",
             film.width,
             film.height,
-            samples(film),
+            film.samples_of_a_pixel(),
             self.seconds,
             film.cost.rays,
             percent(film.noise()),
@@ -351,10 +358,6 @@ impl Studio<'_> {
         output::print(&args.common, &object, &lines);
         Ok(if converged && met { Verdict::Done } else { Verdict::CheckFailed })
     }
-}
-
-fn samples(film: &Film) -> u64 {
-    film.rounds * u64::from(ROUND)
 }
 
 fn finite(value: f64) -> Option<f64> {

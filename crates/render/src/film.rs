@@ -1,11 +1,28 @@
-//! Linear pictures with their noise.
+//! Linear pictures with their noise, and where samples are spent.
+//!
+//! A pixel whose samples differ by σ needs samples in proportion to σ for the least noise of the picture: with N pixels and n samples each the mean square of the standard
+//! errors is mean(σ²)/n, with n σ/mean(σ) of them (mean σ)²/n. Where few pixels make most of the noise (edges, and images of lamps in glass) that is many times less. σ
+//! is known from the samples themselves, which would bias what they show: an unlucky pixel that has seen no light would get few more. So
+//!
+//! - the rounds of a pilot, one a stream, say how many samples pixels take from then on, and are forgotten ([`Film::by_noise`]);
+//! - when the number of rounds has doubled the samples of a round are allotted anew. Every round counts as much as any other, whatever samples it had, and begins
+//!   with numbers that no round had before the allotment: given all that was seen before, what it adds has the right mean.
+//!
+//! Variances are means over 3 × 3 pixels, so that a pilot of few samples overlooks little; every pixel takes at least one net of [`ROUND`] a round, and as many more as whole
+//! multiples of the mean σ say, up to [`MOST`]. What is *not* here: what samples cost, which is taken as the same everywhere.
 
-use radiosity_core::Cost;
+use radiosity_core::{Cost, mix};
 use rayon::prelude::*;
 
 use crate::numbers::{Numbers, ROUND, STREAMS};
 
-/// Means over rounds of samples, one a pixel and band, and what streams of rounds differ by.
+/// Rounds of a pilot, and of the first allotment: one a stream.
+const PILOT: u64 = STREAMS as u64;
+
+/// Most nets that a pixel takes in a round.
+const MOST: f64 = 256.0;
+
+/// Means over rounds of samples, of every pixel and band, and what streams of rounds differ by.
 ///
 /// Rounds are dealt to [`STREAMS`] streams in turn, and a stream goes on with its own sequence: the longer it is the more evenly spread. Streams are independent, rounds
 /// of a stream are not. With r_s rounds of mean x̄_s in each of S streams, r in all, the standard error of the mean x̄ is √(Σ r_s (x̄_s − x̄)² / (r (S − 1))).
@@ -17,29 +34,63 @@ pub struct Film {
     pub height: u32,
     /// Bands.
     pub bands: usize,
-    /// Rounds taken by every pixel.
+    /// Rounds that count.
     pub rounds: u64,
+    /// Samples of all pixels, those of a pilot included.
+    pub samples: u64,
     /// Σ of the means of rounds: pixel after pixel, its bands together, of each the streams.
     sums: Vec<[f64; STREAMS]>,
+    /// How many samples each pixel takes.
+    allotment: Allotment,
     /// What the samples cost.
     pub cost: Cost,
 }
 
+/// How many nets of [`ROUND`] samples every pixel takes in a round.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Allotment {
+    /// One.
+    Even,
+    /// One, until it is known where the noise is.
+    Pilot,
+    /// So many, by the noise of the rounds before.
+    ByNoise(Vec<u16>),
+}
+
 impl Film {
-    /// A film without samples.
+    /// A film without samples; every pixel will take as many as any other.
     pub fn new(width: u32, height: u32, bands: usize) -> Self {
-        let len = width as usize * height as usize * bands;
-        Self { width, height, bands, rounds: 0, sums: vec![[0.0; STREAMS]; len], cost: Cost::default() }
+        Self::with(Allotment::Even, [width, height], bands)
     }
 
-    /// A film with what [`Self::state`] gave.
+    /// A film without samples; pixels will take them where the noise is, see the module page.
+    pub fn by_noise(width: u32, height: u32, bands: usize) -> Self {
+        Self::with(Allotment::Pilot, [width, height], bands)
+    }
+
+    fn with(allotment: Allotment, [width, height]: [u32; 2], bands: usize) -> Self {
+        let sums = vec![[0.0; STREAMS]; width as usize * height as usize * bands];
+        Self { width, height, bands, rounds: 0, samples: 0, sums, allotment, cost: Cost::default() }
+    }
+
+    /// This film, still without samples, with what [`Self::state`], [`Self::allotment`] and the public counts of another gave.
     ///
     /// # Panics
     ///
-    /// If the list does not fit.
-    pub fn resume(width: u32, height: u32, bands: usize, rounds: u64, state: Vec<[f64; STREAMS]>, cost: Cost) -> Self {
-        assert_eq!(state.len(), width as usize * height as usize * bands, "state of another film");
-        Self { width, height, bands, rounds, sums: state, cost }
+    /// If the lists do not fit.
+    #[must_use]
+    pub fn resume(
+        self,
+        [rounds, samples]: [u64; 2],
+        state: Vec<[f64; STREAMS]>,
+        allotment: Allotment,
+        cost: Cost,
+    ) -> Self {
+        assert_eq!(state.len(), self.sums.len(), "state of another film");
+        if let Allotment::ByNoise(nets) = &allotment {
+            assert_eq!(nets.len(), self.pixels(), "allotment of another film");
+        }
+        Self { rounds, samples, sums: state, allotment, cost, ..self }
     }
 
     /// Sums over the rounds of every stream.
@@ -47,26 +98,109 @@ impl Film {
         &self.sums
     }
 
+    /// How many samples each pixel takes.
+    pub fn allotment(&self) -> &Allotment {
+        &self.allotment
+    }
+
+    fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Mean number of samples that a pixel has taken, those of a pilot included.
+    pub fn samples_of_a_pixel(&self) -> f64 {
+        self.samples as f64 / self.pixels().max(1) as f64
+    }
+
     /// Takes another round: `sample(pixel, numbers, value)` adds a sample of a pixel (x, y) to `value` and says what it cost.
     pub fn expose(&mut self, seed: u64, sample: impl Fn([u32; 2], &mut Numbers, &mut [f64]) -> Cost + Sync) {
-        let (bands, width, round) = (self.bands, self.width as usize, self.rounds);
-        let stream = (round % STREAMS as u64) as usize;
+        self.allot();
+        let (bands, width, since) = (self.bands, self.width as usize, self.rounds - self.allotted_at());
+        let (seed, stream) = (self.numbers_of(seed), self.rounds % STREAMS as u64);
+        let nets = |pixel: usize| match &self.allotment {
+            Allotment::Even | Allotment::Pilot => 1,
+            Allotment::ByNoise(nets) => u64::from(nets[pixel]),
+        };
         let row = |(y, sums): (usize, &mut [[f64; STREAMS]])| {
             let (mut cost, mut value) = (Cost::default(), vec![0.0; bands]);
             for (x, sums) in sums.chunks_exact_mut(bands).enumerate() {
                 value.fill(0.0);
-                for k in 0..u64::from(ROUND) {
-                    let number = round * u64::from(ROUND) + k;
-                    let mut numbers = Numbers::of_pixel(seed, (y * width + x) as u64, number);
-                    cost += sample([x as u32, y as u32], &mut numbers, &mut value);
+                let pixel = y * width + x;
+                for net in 0..nets(pixel) {
+                    let round = (since / STREAMS as u64 * nets(pixel) + net) * STREAMS as u64 + stream;
+                    for k in 0..u64::from(ROUND) {
+                        let number = round * u64::from(ROUND) + k;
+                        let mut numbers = Numbers::of_pixel(seed, pixel as u64, number);
+                        cost += sample([x as u32, y as u32], &mut numbers, &mut value);
+                    }
                 }
-                sums.iter_mut().zip(&value).for_each(|(sums, value)| sums[stream] += value / f64::from(ROUND));
+                let count = (nets(pixel) * u64::from(ROUND)) as f64;
+                sums.iter_mut().zip(&value).for_each(|(sums, value)| sums[stream as usize] += value / count);
             }
             cost
         };
         let costs: Vec<Cost> = self.sums.par_chunks_mut(width * bands).enumerate().map(row).collect();
+        let taken: u64 = (0..self.width as usize * self.height as usize).map(nets).sum();
+        self.samples += taken * u64::from(ROUND);
         self.rounds += 1;
         self.cost += costs.into_iter().sum();
+    }
+
+    /// The round from which on samples are allotted as they are: 0, or the last doubling of those of a pilot.
+    fn allotted_at(&self) -> u64 {
+        match self.allotment {
+            Allotment::ByNoise(_) if self.rounds >= PILOT => PILOT << (self.rounds / PILOT).ilog2(),
+            _ => 0,
+        }
+    }
+
+    /// The seed of the numbers of this allotment.
+    fn numbers_of(&self, seed: u64) -> u64 {
+        match self.allotment {
+            Allotment::Even | Allotment::Pilot => seed,
+            Allotment::ByNoise(_) => mix(seed ^ mix(1 + self.allotted_at())),
+        }
+    }
+
+    /// Allots samples by the noise where that is due.
+    fn allot(&mut self) {
+        let due = match self.allotment {
+            Allotment::Even => false,
+            Allotment::Pilot => self.rounds == PILOT,
+            Allotment::ByNoise(_) => self.rounds >= PILOT && self.rounds == self.allotted_at(),
+        };
+        if !due {
+            return;
+        }
+        let deviations = self.deviations();
+        let mean = deviations.iter().sum::<f64>() / deviations.len().max(1) as f64;
+        let nets = |sigma: f64| if mean > 0.0 { (sigma / mean).round().clamp(1.0, MOST) as u16 } else { 1 };
+        let nets = deviations.into_iter().map(nets).collect();
+        if self.allotment == Allotment::Pilot {
+            self.rounds = 0;
+            self.sums.fill([0.0; STREAMS]);
+        }
+        self.allotment = Allotment::ByNoise(nets);
+    }
+
+    /// By how much samples of each pixel differ, over its bands and 3 × 3 pixels around it, but for a common factor.
+    fn deviations(&self) -> Vec<f64> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let errors = self.standard_errors();
+        let nets = |pixel: usize| match &self.allotment {
+            Allotment::Even | Allotment::Pilot => 1.0,
+            Allotment::ByNoise(nets) => f64::from(nets[pixel]),
+        };
+        let variance = |(pixel, errors): (usize, &[f64])| nets(pixel) * errors.iter().map(|e| e * e).sum::<f64>();
+        let variances: Vec<f64> = errors.chunks_exact(self.bands).enumerate().map(variance).collect();
+        let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        let deviation = |pixel: usize| {
+            let (rows, columns) = (around(pixel / width, height), around(pixel % width, width));
+            let count = (rows.len() * columns.len()) as f64;
+            let sum: f64 = rows.map(|y| variances[y * width..][columns.clone()].iter().sum::<f64>()).sum();
+            (sum / count).sqrt()
+        };
+        (0..variances.len()).map(deviation).collect()
     }
 
     /// Mean values: pixel after pixel, its bands together. 0 without samples.
@@ -146,6 +280,65 @@ mod tests {
         let whole = expose(1, 4, Film::new(7, 5, 1));
         let half = expose(3, 2, Film::new(7, 5, 1));
         let state = half.state().to_vec();
-        assert_eq!(expose(3, 2, Film::resume(7, 5, 1, 2, state, half.cost)), whole);
+        let resumed = Film::new(7, 5, 1).resume([2, half.samples], state, half.allotment().clone(), half.cost);
+        assert_eq!(expose(3, 2, resumed), whole);
+    }
+
+    /// Of 24 × 24 pixels nine in a corner see, one time in 50, a light of 50; the others see 1 and hardly a difference.
+    fn expose_rare_light(film: &mut Film, seed: u64, rounds: u64) {
+        for _ in 0..rounds {
+            film.expose(seed, |[x, y], numbers, value| {
+                let u = numbers.draw();
+                let sees = x < 3 && y < 3;
+                value[0] += if sees { 50.0 * f64::from(u8::from(u[1] < 0.02)) } else { 1.0 + 1e-3 * u[0] };
+                Cost { rays: 1, ..Cost::default() }
+            });
+        }
+    }
+
+    /// Means over 400 films: an allotment that favoured what pixels have seen would be off by many of their standard errors.
+    #[test]
+    fn samples_go_where_the_noise_is_and_leave_the_mean_as_it_is() {
+        let (mut mean, mut square) = (0.0, 0.0);
+        for seed in 0..400 {
+            let mut film = Film::by_noise(24, 24, 1);
+            expose_rare_light(&mut film, seed, PILOT + 2);
+            assert_eq!((film.rounds, film.cost.rays), (2, film.samples));
+            let Allotment::ByNoise(nets) = film.allotment() else { panic!("the pilot is over") };
+            let (quiet, noisy) = (nets[24 * 24 - 1], nets[24 + 1]);
+            assert!(quiet == 1 && noisy > 10, "{quiet} {noisy}");
+            let seen: f64 = (0..9).map(|k| film.means()[k / 3 * 24 + k % 3]).sum::<f64>() / 9.0;
+            mean += seen / 400.0;
+            square += seen * seen / 400.0;
+        }
+        let error = ((square - mean * mean) / 400.0).sqrt();
+        assert!(error < 0.01 && (mean - 1.0).abs() < 3.0 * error, "{mean} ± {error}");
+    }
+
+    /// σ is 7 in nine pixels, and in seven around them that are taken for some of them: by noise these take some 36 nets where the mean is below 2.
+    #[test]
+    fn samples_by_noise_leave_less_of_it() {
+        let (mut even, mut by_noise) = (Film::new(24, 24, 1), Film::by_noise(24, 24, 1));
+        expose_rare_light(&mut by_noise, 5, PILOT + 16);
+        expose_rare_light(&mut even, 5, by_noise.samples / (24 * 24 * u64::from(ROUND)));
+        assert!(by_noise.noise() < 0.4 * even.noise(), "{} {}", by_noise.noise(), even.noise());
+    }
+
+    #[test]
+    fn a_film_by_noise_goes_on_to_the_same_picture() {
+        let whole = |rounds: u64, mut film: Film| {
+            expose_rare_light(&mut film, 3, rounds);
+            film
+        };
+        for begun in [2, PILOT, PILOT + 5] {
+            let half = whole(begun, Film::by_noise(24, 24, 1));
+            let resumed = Film::by_noise(24, 24, 1).resume(
+                [half.rounds, half.samples],
+                half.state().to_vec(),
+                half.allotment().clone(),
+                half.cost,
+            );
+            assert_eq!(whole(2 * PILOT + 9 - begun, resumed), whole(2 * PILOT + 9, Film::by_noise(24, 24, 1)));
+        }
     }
 }

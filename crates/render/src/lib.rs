@@ -28,7 +28,7 @@ mod walk;
 
 pub use camera::{Camera, CameraError};
 pub use false_colour::{Scale, ScaleError};
-pub use film::Film;
+pub use film::{Allotment, Film};
 pub use flat::flat_picture;
 pub use image::Image;
 pub use path_class::{PathClass, PathClasses};

@@ -158,6 +158,11 @@ impl Corner {
         Occluders::of_parts(&self.scene, &self.facets, &carriers)
     }
 
+    /// ρ of the strips.
+    fn reflectance(&self) -> BandValues {
+        BandValues::single(vec![self.hinge.reflectance; 2 * STRIPS as usize])
+    }
+
     /// Irradiance by its ways of arriving: the means of the first square are those of what it sees.
     fn ways(&self) -> [BandValues; 4] {
         let of = |facet: u32, wall: f64, floor: &dyn Fn(u32) -> f64| if facet < STRIPS { floor(facet) } else { wall };
@@ -175,12 +180,10 @@ impl Corner {
 #[test]
 fn directions_are_gathered_where_what_is_stored_is_off() {
     let corner = Corner::new();
-    let occluders = corner.occluders();
+    let (occluders, values) = (corner.occluders(), corner.ways());
     let stage = Stage::new(&corner.scene, &occluders);
-    let values = corner.ways();
     let fields = values.each_ref().map(FacetIrradiance);
     let ways = fields.each_ref().map(|field| -> &dyn Field { field });
-    let reflectance = BandValues::single(vec![0.5; 2 * STRIPS as usize]);
     let level = 0.5 * (0.5 * values[2].band(0)[..STRIPS as usize].iter().sum::<f64>() / f64::from(STRIPS) + 1.0);
     let missed: Vec<f64> = (0..STRIPS)
         .map(|k| {
@@ -194,7 +197,7 @@ fn directions_are_gathered_where_what_is_stored_is_off() {
     assert!(missed[0] > 4.0 * missed[3], "{missed:?}");
     let mut told = 0;
     for tolerance in [0.01, 0.02, 0.04, 0.08, 0.16] {
-        let control = Control::new(&stage, (&corner.facets, &reflectance), ways, tolerance, 3);
+        let control = Control::new(&stage, (&corner.facets, &corner.reflectance()), ways, tolerance, 3);
         assert_eq!(control.cost.rays, u64::from(2 * STRIPS) * 9 * 64);
         for (k, missed) in missed.iter().enumerate().filter(|(_, m)| !(tolerance / 2.0..2.0 * tolerance).contains(*m)) {
             assert_eq!(control.gathers(k as u32), *missed > tolerance, "{tolerance}: strip {k} of {missed}");
@@ -208,13 +211,11 @@ fn directions_are_gathered_where_what_is_stored_is_off() {
 #[test]
 fn a_gather_finds_what_strips_cannot_hold_and_leaves_the_rest() {
     let corner = Corner::new();
-    let occluders = corner.occluders();
+    let (occluders, values) = (corner.occluders(), corner.ways());
     let stage = Stage::new(&corner.scene, &occluders);
-    let values = corner.ways();
     let fields = values.each_ref().map(FacetIrradiance);
     let ways = fields.each_ref().map(|field| -> &dyn Field { field });
-    let reflectance = BandValues::single(vec![0.5; 2 * STRIPS as usize]);
-    let control = Control::new(&stage, (&corner.facets, &reflectance), ways, 0.05, 3);
+    let control = Control::new(&stage, (&corner.facets, &corner.reflectance()), ways, 0.05, 3);
     assert_eq!((0..STRIPS).map(|k| control.gathers(k)).collect::<Vec<_>>(), [true, false, false, false]);
     let settings = TwoPassSettings { light_points: 1, gather: 2 };
     let pass = TwoPass::new(&stage, Stored::Apart(ways), settings, PathClasses::ALL).unwrap().controlled(&control);
