@@ -5,7 +5,7 @@
 //! surfaces as it is allowed, and the second shows it; path tracing misses nothing and its noise falls like N^(−1/2), so that twice the accuracy takes four times
 //! the rays. Glass takes two bounces to pass, a mirror one. Measured in a Cornell box with a mirror for a wall, a glass sphere and a glossy floor
 //! ([`cornell_specular`]); every method takes rounds of 16 samples a pixel, whose seed no other picture has, and two of them also more where there is more noise
-//! ([`Film::by_noise`]): the noise of two passes sits in few pixels, that of path tracing in most.
+//! ([`Film::by_noise`]): of two passes that is in few pixels, of path tracing in most.
 //!
 //! Errors are rms over pixels and bands against a reference by our path tracer, relative to its mean. It has noise of its own, which is independent of the picture's and of known
 //! variance, so
@@ -38,7 +38,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 use radiosity_render::numbers::STREAMS;
 use radiosity_render::{
-    Allotment, Camera, Control, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored,
+    Camera, Control, Exposure, FacetIrradiance, Field, Film, Image, PathClasses, PathTracer, Scale, Stage, Stored,
     Tone, TwoPass, TwoPassSettings,
 };
 
@@ -73,12 +73,12 @@ pub fn size(profile: Profile) -> [u32; 2] {
 
 /// Rounds of the reference.
 fn reference_rounds(profile: Profile) -> u64 {
-    profile.pick(16, 64, 256)
+    profile.pick(16, 80, 512)
 }
 
 /// Rays of a row of straight form factors, and of one by way of specular surfaces.
 fn rays(profile: Profile) -> (u32, u32) {
-    profile.pick((64, 64), (512, 1024), (1024, 2048))
+    profile.pick((64, 64), (512, 1024), (2048, 4096))
 }
 
 /// What takes a picture.
@@ -275,18 +275,16 @@ struct Reference {
 fn reference(context: &Context, scene: &Scene) -> Result<Reference, Box<dyn Error>> {
     let folder = context.directory().parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf).join(REFERENCES);
     let ([width, height], rounds) = (size(context.profile()), reference_rounds(context.profile()));
-    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}x{STREAMS}-by-noise.film"));
+    let file = folder.join(format!("cornell-specular-{width}x{height}-{rounds}x{STREAMS}.film"));
     if let Some(known) = read_film(&file, [width, height], scene.bands(), rounds) {
         return Ok(known);
     }
     let occluders = Occluders::of_scene(scene);
     let stage = Stage::new(scene, &occluders);
     let (tracer, camera) = (PathTracer::new(&stage, PathClasses::ALL), camera([width, height])?);
-    let mut film = Film::by_noise(width, height, scene.bands());
+    let mut film = Film::new(width, height, scene.bands());
     let clock = Instant::now();
-    while film.allotment() == &Allotment::Pilot || film.rounds < rounds {
-        tracer.expose(&camera, REFERENCE_SEED, &mut film);
-    }
+    (0..rounds).for_each(|_| tracer.expose(&camera, REFERENCE_SEED, &mut film));
     let seconds = clock.elapsed().as_secs_f64();
     std::fs::create_dir_all(&folder)?;
     let mut bytes = format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "samples": film.samples, "seconds": seconds })).into_bytes();
@@ -307,10 +305,10 @@ fn read_film(file: &Path, [width, height]: [u32; 2], bands: usize, rounds: u64) 
     if state.len() != width as usize * height as usize * bands {
         return None;
     }
-    // It does not go on, so that how it was allotted does not matter.
     let film = Film::new(width, height, bands);
+    let allotment = film.allotment().clone();
     Some(Reference {
-        film: film.resume([rounds, header["samples"].as_u64()?], state, Allotment::Even, cost),
+        film: film.resume([rounds, header["samples"].as_u64()?], state, allotment, cost),
         seconds: header["seconds"].as_f64()?,
     })
 }
@@ -532,7 +530,7 @@ impl Experiment for TwoPasses {
         context.tick("reference");
         let level = mean(reference.film.means().into_iter());
         let path_tracing =
-            Way { kind: Kind::PathTracing, gather: 0, edge: 0.0, by_noise: true, rounds: reference.film.rounds };
+            Way { kind: Kind::PathTracing, gather: 0, edge: 0.0, by_noise: false, rounds: reference.film.rounds };
         context.record(
             Record::new("reference")
                 .text("series", "reference")

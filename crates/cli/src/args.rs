@@ -445,7 +445,7 @@ pub struct RenderArgs {
     /// Most samples that a pixel takes in the mean; they come in rounds of 16.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = count)]
     pub samples: u32,
-    /// Take as many samples of every pixel as of any other, instead of more where there is more noise (from 256 samples on, of which the first 64 tell where).
+    /// Take as many samples of every pixel as of any other, instead of more where there is more noise (from 256 samples on, of which the first 64 are even).
     #[arg(long)]
     pub even: bool,
     /// How a PNG shows brightness.

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! radiosity film 3\n
-//! one line of JSON: settings, rounds, samples, rays, allotment (even, pilot or by noise)\n
-//! Σ of the means of rounds, by pixels, bands and streams: doubles, little-endian
+//! one line of JSON: settings, rounds, samples, rays, allotment (even or by noise)\n
+//! Σ of the means of rounds times their weights, by pixels, bands and streams: doubles, little-endian
 //! by noise: nets of samples that every pixel takes in a round: 16 bits each, little-endian
 //! ```
 //!
@@ -37,7 +37,6 @@ pub fn write(path: &Path, film: &Film, settings: &Settings) -> Result<(), WriteE
         settings.iter().map(|(name, value)| ((*name).to_owned(), value.as_str().into())).collect();
     let (allotment, nets): (_, &[u16]) = match film.allotment() {
         Allotment::Even => ("even", &[]),
-        Allotment::Pilot => ("pilot", &[]),
         Allotment::ByNoise(nets) => (BY_NOISE, nets),
     };
     let header = json!({
@@ -90,7 +89,6 @@ pub fn read(path: &Path, film: Film, settings: &Settings) -> Result<Film, Failur
     let state = sums.chunks_exact(WIDTH).map(of_streams).collect();
     let allotment = match header["allotment"].as_str() {
         Some("even") => Allotment::Even,
-        Some("pilot") => Allotment::Pilot,
         // A pixel without a net would have no mean.
         Some(BY_NOISE) => Allotment::ByNoise(nets.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]).max(1)).collect()),
         _ => return Err(damaged("it does not say how samples are allotted").into()),

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use radiosity::{
-    EnhancedRun, Geometry, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict,
+    EnhancedRun, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict_enhanced,
     run_enhanced,
 };
 use radiosity_core::{Outcome, mix};
@@ -31,7 +31,7 @@ use crate::false_colour::{self, FalseColours};
 use crate::film_state::{self, Settings};
 use crate::solve::SPECULAR_RAYS;
 use crate::viewpoint::Viewpoint;
-use crate::{Failure, Verdict, output, scene, solve};
+use crate::{Failure, Verdict, memory, output, scene, solve};
 
 /// Elements of the first pass, about, if no mesh is asked for.
 const ELEMENTS: f64 = 2000.0;
@@ -68,8 +68,9 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     let view = Viewpoint::new(&args.view, scene)?;
     let classes = classes(args);
     let strategy = strategy(args, scene);
+    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     if args.common.dry_run {
-        return dry_run(args, scene, &strategy, &view);
+        return dry_run(args, scene, &strategy, transport, &view);
     }
     let settings = settings(args, scene, &strategy, &view);
     let [width, height] = args.view.size;
@@ -96,8 +97,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
         })?;
         return studio.finish(&imported, &film, &stage, &view, None);
     }
-    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
-    let first = run_enhanced(scene, &strategy, transport, &mut ())?;
+    let first = run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
     let stage = Stage::new(scene, first.run.geometry.element_occluders());
     let geometry = &first.run.geometry;
     let stored = first.ways.each_ref().map(|h| -> Box<dyn Field + '_> {
@@ -146,7 +146,8 @@ fn strategy(args: &RenderArgs, scene: &Scene) -> Strategy {
     }
     let shape = if mesh.patches.is_some() { Shape::ElementsToPatches } else { Shape::Full };
     let plain = Strategy::new(mesh.elements, Method::RaysAndEmitters { rays: RAYS });
-    Strategy { mesh, shape, store: Store::Sparse, seed: args.common.seed, ..plain }
+    let memory = memory::limit(&args.common);
+    Strategy { mesh, shape, store: Store::Sparse, seed: args.common.seed, memory, ..plain }
 }
 
 /// What samples depend on.
@@ -402,17 +403,30 @@ fn first_line((strategy, first): (&Strategy, &EnhancedRun<'_>)) -> String {
     )
 }
 
-fn dry_run(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpoint) -> Result<Verdict, Failure> {
+fn dry_run(
+    args: &RenderArgs,
+    scene: &Scene,
+    strategy: &Strategy,
+    transport: SpecularTransport,
+    view: &Viewpoint,
+) -> Result<Verdict, Failure> {
     let [width, height] = args.view.size;
     let most = u64::from(width) * u64::from(height) * u64::from(args.samples.div_ceil(ROUND) * ROUND);
     let mut object = json!({ "dry_run": true, "camera": view.json(), "most_samples": most });
     let mut line = format!("{width} × {height} pixels, {most} samples at most; nothing written");
     if !args.reference {
-        let p = predict(&Size::of(&Geometry::new(scene, &strategy.mesh)?), strategy);
+        // What would not fit is not meshed either.
+        let p = predict_enhanced(scene, &Size::before_meshing(scene, &strategy.mesh)?, strategy, transport)?;
         object["predicted"] = json!({
             "elements": p.elements, "form_factors": p.form_factors, "rays": p.rays, "stored_bytes": p.stored_bytes,
+            "peak_bytes": p.peak_bytes + memory::program(),
         });
-        line = format!("{} elements, {} rays for their form factors; {line}", p.elements, p.rays);
+        line = format!(
+            "{} elements, {} rays for their form factors, {} of memory; {line}",
+            p.elements,
+            p.rays,
+            output::bytes(p.peak_bytes + memory::program())
+        );
     }
     output::print(&args.common, &object, &[line]);
     Ok(Verdict::Done)

@@ -21,9 +21,15 @@ use radiosity_geometry::Scene;
 use radiosity_render::brdf::SpecularSurfaces;
 
 use crate::estimate::{ends, fill};
+use crate::predict::{Prediction, Size, predict};
 use crate::run::{Check, Known, named, solve_stored};
 use crate::strategy::partial_among;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
+
+/// Vectors of all bands beyond those of other runs: H by its ways, and what they are found from.
+const VECTORS: u64 = 8;
+/// Bytes of an entry of F′: its value and its target.
+const ENTRY: u64 = 12;
 
 /// Errors of form factors by images asked for where the straight ones are not analytic: of clear pairs, and of those partly blocked.
 const PAIR_ERROR: f64 = 1e-10;
@@ -96,6 +102,13 @@ pub fn run_enhanced<'a>(
     } else {
         strategy.check()?;
     }
+    if let Some(limit) = strategy.memory {
+        let size = Size::before_meshing(scene, &strategy.mesh)?;
+        let needed = predict_enhanced(scene, &size, strategy, transport)?.peak_bytes;
+        if needed > limit {
+            return Err(RunError::Memory { needed, limit, alternative: None });
+        }
+    }
     let clock = Instant::now();
     let geometry = Geometry::of_strategy(scene, strategy)?;
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
@@ -115,6 +128,51 @@ pub fn run_enhanced<'a>(
     drop(extended);
     drop(straight);
     Ok(EnhancedRun { run: made.run(geometry, meshing), ways, specular: of_specular })
+}
+
+/// Predicts a first pass on a mesh of this size: as [`predict`], with as many entries of F′ as rays find specular surfaces by their share of the area, or as there are pairs by images, once for each group of bands
+/// in which specular surfaces are alike, and once more while a table is filled.
+///
+/// # Errors
+///
+/// [`RunError::Images`] if specular surfaces show no images.
+pub fn predict_enhanced(
+    scene: &Scene,
+    size: &Size,
+    strategy: &Strategy,
+    transport: SpecularTransport,
+) -> Result<Prediction, RunError> {
+    let mut p = predict(size, strategy);
+    p.peak_bytes = p.peak_bytes.saturating_add(8 * VECTORS * size.bands * size.elements);
+    if transport.bounces == SpecularBounces::None || !scene.is_specular() {
+        return Ok(p);
+    }
+    let targets = if strategy.shape.form() == Form::ElementsToPatches { p.patches } else { p.elements };
+    let (tables, of_row) = match transport.by {
+        SpecularBy::Rays(rays) => {
+            let tables = groups(scene).1.len() as u64;
+            p.rays = p.rays.saturating_add(p.source_evaluations.saturating_mul(u64::from(rays) * tables));
+            // Rays that find a specular surface first, if all surfaces are as easily found.
+            let reached = (f64::from(rays) * specular_share(scene)).ceil() as u64;
+            (tables, targets.min(reached))
+        }
+        SpecularBy::Images => (Images::new(scene, transport.bounces)?.colours().len() as u64, targets),
+    };
+    let table = p.source_evaluations.saturating_mul(of_row * ENTRY);
+    p.stored_bytes = p.stored_bytes.saturating_add(table.saturating_mul(tables));
+    p.peak_bytes = p.peak_bytes.saturating_add(table.saturating_mul(tables + 1));
+    Ok(p)
+}
+
+/// Share of the area that is specular.
+fn specular_share(scene: &Scene) -> f64 {
+    let area = |specular: bool| -> f64 {
+        let of = scene
+            .pieces()
+            .filter(|(s, _)| !specular || scene.materials[scene.surfaces[*s].material].specular.is_some());
+        of.map(|(_, piece)| piece.area()).sum()
+    };
+    area(true) / area(false)
 }
 
 /// Refuses what extended form factors cannot serve, before any is computed.

@@ -27,7 +27,7 @@ mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
-pub use enhanced::{EnhancedRun, SpecularBy, SpecularTransport, run_enhanced};
+pub use enhanced::{EnhancedRun, SpecularBy, SpecularTransport, predict_enhanced, run_enhanced};
 pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;

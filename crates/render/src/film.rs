@@ -4,20 +4,24 @@
 //! errors is mean(σ²)/n, with n σ/mean(σ) of them (mean σ)²/n. Where few pixels make most of the noise (edges, and images of lamps in glass) that is many times less. σ
 //! is known from the samples themselves, which would bias what they show: an unlucky pixel that has seen no light would get few more. So
 //!
-//! - the rounds of a pilot, one a stream, say how many samples pixels take from then on, and are forgotten ([`Film::by_noise`]);
-//! - when the number of rounds has doubled the samples of a round are allotted anew. Every round counts as much as any other, whatever samples it had, and begins
-//!   with numbers that no round had before the allotment: given all that was seen before, what it adds has the right mean.
+//! - samples are allotted when the number of rounds has doubled, the first time after one round a stream, and from then on begin with numbers that no round before had;
+//! - what a round weighs depends on its number alone: twice as much after each allotment, since early ones know little of where the noise is. Given all that was seen
+//!   before, what it adds then has the right mean.
 //!
-//! Variances are means over 3 × 3 pixels, so that a pilot of few samples overlooks little; every pixel takes at least one net of [`ROUND`] a round, and as many more as whole
-//! multiples of the mean σ say, up to [`MOST`]. What is *not* here: what samples cost, which is taken as the same everywhere.
+//! Variances are those of the pixel, and in equal parts of the 3 × 3 pixels around it, so that what few samples have overlooked is found beside it. Every pixel takes
+//! at least one net of [`ROUND`] a round, and where σ is its mean two, up to [`MOST`]. With σ of a Cornell box with a glass sphere known, samples in proportion leave an eighth of the
+//! variance of even ones; of these rules about a sixth is to be expected. What is *not* here: what samples cost, which is taken as the same everywhere.
 
 use radiosity_core::{Cost, mix};
 use rayon::prelude::*;
 
 use crate::numbers::{Numbers, ROUND, STREAMS};
 
-/// Rounds of a pilot, and of the first allotment: one a stream.
-const PILOT: u64 = STREAMS as u64;
+/// Rounds before the first allotment: one a stream.
+const FIRST: u64 = STREAMS as u64;
+
+/// Nets that a pixel of mean σ takes in a round.
+const MEAN: f64 = 2.0;
 
 /// Most nets that a pixel takes in a round.
 const MOST: f64 = 256.0;
@@ -25,7 +29,7 @@ const MOST: f64 = 256.0;
 /// Means over rounds of samples, of every pixel and band, and what streams of rounds differ by.
 ///
 /// Rounds are dealt to [`STREAMS`] streams in turn, and a stream goes on with its own sequence: the longer it is the more evenly spread. Streams are independent, rounds
-/// of a stream are not. With r_s rounds of mean x̄_s in each of S streams, r in all, the standard error of the mean x̄ is √(Σ r_s (x̄_s − x̄)² / (r (S − 1))).
+/// of a stream are not. With rounds of weight r_s and mean x̄_s in each of S streams, r in all, the standard error of the mean x̄ is √(Σ r_s (x̄_s − x̄)² / (r (S − 1))).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Pixels in a row.
@@ -34,11 +38,11 @@ pub struct Film {
     pub height: u32,
     /// Bands.
     pub bands: usize,
-    /// Rounds that count.
+    /// Rounds taken.
     pub rounds: u64,
-    /// Samples of all pixels, those of a pilot included.
+    /// Samples of all pixels.
     pub samples: u64,
-    /// Σ of the means of rounds: pixel after pixel, its bands together, of each the streams.
+    /// Σ of the means of rounds times their weights: pixel after pixel, its bands together, of each the streams.
     sums: Vec<[f64; STREAMS]>,
     /// How many samples each pixel takes.
     allotment: Allotment,
@@ -51,10 +55,17 @@ pub struct Film {
 pub enum Allotment {
     /// One.
     Even,
-    /// One, until it is known where the noise is.
-    Pilot,
-    /// So many, by the noise of the rounds before.
+    /// So many, by the noise of the rounds before; one before there is an allotment.
     ByNoise(Vec<u16>),
+}
+
+impl Allotment {
+    fn nets(&self, pixel: usize) -> u64 {
+        match self {
+            Self::Even => 1,
+            Self::ByNoise(nets) => nets[pixel].into(),
+        }
+    }
 }
 
 impl Film {
@@ -65,7 +76,7 @@ impl Film {
 
     /// A film without samples; pixels will take them where the noise is, see the module page.
     pub fn by_noise(width: u32, height: u32, bands: usize) -> Self {
-        Self::with(Allotment::Pilot, [width, height], bands)
+        Self::with(Allotment::ByNoise(vec![1; width as usize * height as usize]), [width, height], bands)
     }
 
     fn with(allotment: Allotment, [width, height]: [u32; 2], bands: usize) -> Self {
@@ -107,7 +118,7 @@ impl Film {
         self.width as usize * self.height as usize
     }
 
-    /// Mean number of samples that a pixel has taken, those of a pilot included.
+    /// Mean number of samples that a pixel has taken.
     pub fn samples_of_a_pixel(&self) -> f64 {
         self.samples as f64 / self.pixels().max(1) as f64
     }
@@ -115,12 +126,10 @@ impl Film {
     /// Takes another round: `sample(pixel, numbers, value)` adds a sample of a pixel (x, y) to `value` and says what it cost.
     pub fn expose(&mut self, seed: u64, sample: impl Fn([u32; 2], &mut Numbers, &mut [f64]) -> Cost + Sync) {
         self.allot();
-        let (bands, width, since) = (self.bands, self.width as usize, self.rounds - self.allotted_at());
+        let (bands, width) = (self.bands, self.width as usize);
+        let (since, weight) = (self.rounds - self.allotted_at(self.rounds), self.weight(self.rounds));
         let (seed, stream) = (self.numbers_of(seed), self.rounds % STREAMS as u64);
-        let nets = |pixel: usize| match &self.allotment {
-            Allotment::Even | Allotment::Pilot => 1,
-            Allotment::ByNoise(nets) => u64::from(nets[pixel]),
-        };
+        let nets = |pixel: usize| self.allotment.nets(pixel);
         let row = |(y, sums): (usize, &mut [[f64; STREAMS]])| {
             let (mut cost, mut value) = (Cost::default(), vec![0.0; bands]);
             for (x, sums) in sums.chunks_exact_mut(bands).enumerate() {
@@ -135,78 +144,80 @@ impl Film {
                     }
                 }
                 let count = (nets(pixel) * u64::from(ROUND)) as f64;
-                sums.iter_mut().zip(&value).for_each(|(sums, value)| sums[stream as usize] += value / count);
+                sums.iter_mut().zip(&value).for_each(|(sums, value)| sums[stream as usize] += weight * (value / count));
             }
             cost
         };
         let costs: Vec<Cost> = self.sums.par_chunks_mut(width * bands).enumerate().map(row).collect();
-        let taken: u64 = (0..self.width as usize * self.height as usize).map(nets).sum();
+        let taken: u64 = (0..self.width as usize * self.height as usize).map(|pixel| self.allotment.nets(pixel)).sum();
         self.samples += taken * u64::from(ROUND);
         self.rounds += 1;
         self.cost += costs.into_iter().sum();
     }
 
-    /// The round from which on samples are allotted as they are: 0, or the last doubling of those of a pilot.
-    fn allotted_at(&self) -> u64 {
+    /// The round at which samples were allotted as they are in `round`.
+    fn allotted_at(&self, round: u64) -> u64 {
         match self.allotment {
-            Allotment::ByNoise(_) if self.rounds >= PILOT => PILOT << (self.rounds / PILOT).ilog2(),
+            Allotment::ByNoise(_) if round >= FIRST => FIRST << (round / FIRST).ilog2(),
             _ => 0,
+        }
+    }
+
+    /// What a round counts.
+    fn weight(&self, round: u64) -> f64 {
+        match self.allotted_at(round) {
+            0 => 1.0,
+            begin => (2 * begin / FIRST) as f64,
         }
     }
 
     /// The seed of the numbers of this allotment.
     fn numbers_of(&self, seed: u64) -> u64 {
-        match self.allotment {
-            Allotment::Even | Allotment::Pilot => seed,
-            Allotment::ByNoise(_) => mix(seed ^ mix(1 + self.allotted_at())),
+        match self.allotted_at(self.rounds) {
+            0 => seed,
+            begin => mix(seed ^ mix(begin)),
         }
     }
 
     /// Allots samples by the noise where that is due.
     fn allot(&mut self) {
-        let due = match self.allotment {
-            Allotment::Even => false,
-            Allotment::Pilot => self.rounds == PILOT,
-            Allotment::ByNoise(_) => self.rounds >= PILOT && self.rounds == self.allotted_at(),
-        };
-        if !due {
+        if self.rounds == 0 || self.allotted_at(self.rounds) != self.rounds {
             return;
         }
         let deviations = self.deviations();
         let mean = deviations.iter().sum::<f64>() / deviations.len().max(1) as f64;
-        let nets = |sigma: f64| if mean > 0.0 { (sigma / mean).round().clamp(1.0, MOST) as u16 } else { 1 };
-        let nets = deviations.into_iter().map(nets).collect();
-        if self.allotment == Allotment::Pilot {
-            self.rounds = 0;
-            self.sums.fill([0.0; STREAMS]);
-        }
-        self.allotment = Allotment::ByNoise(nets);
+        let nets = |sigma: f64| if mean > 0.0 { (MEAN * sigma / mean).round().clamp(1.0, MOST) as u16 } else { 1 };
+        self.allotment = Allotment::ByNoise(deviations.into_iter().map(nets).collect());
     }
 
-    /// By how much samples of each pixel differ, over its bands and 3 × 3 pixels around it, but for a common factor.
+    /// By how much samples of each pixel differ, over its bands and 3 × 3 pixels around it, but for a common factor; as if all rounds had had as many as the last, which
+    /// weigh most.
     fn deviations(&self) -> Vec<f64> {
         let (width, height) = (self.width as usize, self.height as usize);
         let errors = self.standard_errors();
-        let nets = |pixel: usize| match &self.allotment {
-            Allotment::Even | Allotment::Pilot => 1.0,
-            Allotment::ByNoise(nets) => f64::from(nets[pixel]),
-        };
-        let variance = |(pixel, errors): (usize, &[f64])| nets(pixel) * errors.iter().map(|e| e * e).sum::<f64>();
+        let variance = |(pixel, errors): (usize, &[f64])| self.allotment.nets(pixel) as f64 * errors.iter().map(|e| e * e).sum::<f64>();
         let variances: Vec<f64> = errors.chunks_exact(self.bands).enumerate().map(variance).collect();
         let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         let deviation = |pixel: usize| {
             let (rows, columns) = (around(pixel / width, height), around(pixel % width, width));
             let count = (rows.len() * columns.len()) as f64;
             let sum: f64 = rows.map(|y| variances[y * width..][columns.clone()].iter().sum::<f64>()).sum();
-            (sum / count).sqrt()
+            (0.5 * (variances[pixel] + sum / count)).sqrt()
         };
         (0..variances.len()).map(deviation).collect()
     }
 
+    /// Weights of the rounds of every stream.
+    fn weights(&self) -> [f64; STREAMS] {
+        let mut weights = [0.0; STREAMS];
+        (0..self.rounds).for_each(|round| weights[(round % STREAMS as u64) as usize] += self.weight(round));
+        weights
+    }
+
     /// Mean values: pixel after pixel, its bands together. 0 without samples.
     pub fn means(&self) -> Vec<f64> {
-        let rounds = self.rounds.max(1) as f64;
-        self.sums.iter().map(|sums| sums.iter().sum::<f64>() / rounds).collect()
+        let weight = if self.rounds == 0 { 1.0 } else { self.weights().iter().sum() };
+        self.sums.iter().map(|sums| sums.iter().sum::<f64>() / weight).collect()
     }
 
     /// Standard errors of [`Self::means`]; infinite before the second round.
@@ -214,13 +225,12 @@ impl Film {
         if self.rounds < 2 {
             return vec![f64::INFINITY; self.sums.len()];
         }
-        let (r, all) = (self.rounds as f64, STREAMS as u64);
-        let used = self.rounds.min(all) as usize;
-        let rounds_of = |s: usize| (self.rounds / all + u64::from((s as u64) < self.rounds % all)) as f64;
+        let used = self.rounds.min(STREAMS as u64) as usize;
+        let weights = self.weights();
+        let weight: f64 = weights.iter().sum();
         let error = |(sums, mean): (&[f64; STREAMS], f64)| {
-            let squares =
-                sums[..used].iter().enumerate().map(|(s, sum)| rounds_of(s) * (sum / rounds_of(s) - mean).powi(2));
-            (squares.sum::<f64>() / (r * (used - 1) as f64)).sqrt()
+            let squares = sums[..used].iter().zip(weights).map(|(sum, weight)| weight * (sum / weight - mean).powi(2));
+            (squares.sum::<f64>() / (weight * (used - 1) as f64)).sqrt()
         };
         self.sums.iter().zip(self.means()).map(error).collect()
     }
@@ -284,13 +294,13 @@ mod tests {
         assert_eq!(expose(3, 2, resumed), whole);
     }
 
-    /// Of 24 × 24 pixels nine in a corner see, one time in 50, a light of 50; the others see 1 and hardly a difference.
+    /// Of 24 × 24 pixels nine in a corner see, one time in 50, a light of 50, as often as if numbers were not evenly spread; the others see 1 and hardly a difference.
     fn expose_rare_light(film: &mut Film, seed: u64, rounds: u64) {
         for _ in 0..rounds {
             film.expose(seed, |[x, y], numbers, value| {
                 let u = numbers.draw();
                 let sees = x < 3 && y < 3;
-                value[0] += if sees { 50.0 * f64::from(u8::from(u[1] < 0.02)) } else { 1.0 + 1e-3 * u[0] };
+                value[0] += if sees { 50.0 * f64::from(u8::from((4099.0 * u[1]).fract() < 0.02)) } else { 1.0 + 1e-3 * u[0] };
                 Cost { rays: 1, ..Cost::default() }
             });
         }
@@ -302,10 +312,9 @@ mod tests {
         let (mut mean, mut square) = (0.0, 0.0);
         for seed in 0..400 {
             let mut film = Film::by_noise(24, 24, 1);
-            expose_rare_light(&mut film, seed, PILOT + 2);
-            assert_eq!((film.rounds, film.cost.rays), (2, film.samples));
-            let Allotment::ByNoise(nets) = film.allotment() else { panic!("the pilot is over") };
-            let (quiet, noisy) = (nets[24 * 24 - 1], nets[24 + 1]);
+            expose_rare_light(&mut film, seed, FIRST + 2);
+            assert_eq!(film.cost.rays, film.samples);
+            let [quiet, noisy] = [24 * 24 - 1, 24 + 1].map(|pixel| film.allotment().nets(pixel));
             assert!(quiet == 1 && noisy > 10, "{quiet} {noisy}");
             let seen: f64 = (0..9).map(|k| film.means()[k / 3 * 24 + k % 3]).sum::<f64>() / 9.0;
             mean += seen / 400.0;
@@ -315,11 +324,11 @@ mod tests {
         assert!(error < 0.01 && (mean - 1.0).abs() < 3.0 * error, "{mean} ± {error}");
     }
 
-    /// σ is 7 in nine pixels, and in seven around them that are taken for some of them: by noise these take some 36 nets where the mean is below 2.
+    /// σ is 7 in nine pixels, and in seven around them that are taken for some of them: by noise these take some 70 nets a round, where the mean is 3.
     #[test]
     fn samples_by_noise_leave_less_of_it() {
         let (mut even, mut by_noise) = (Film::new(24, 24, 1), Film::by_noise(24, 24, 1));
-        expose_rare_light(&mut by_noise, 5, PILOT + 16);
+        expose_rare_light(&mut by_noise, 5, FIRST + 16);
         expose_rare_light(&mut even, 5, by_noise.samples / (24 * 24 * u64::from(ROUND)));
         assert!(by_noise.noise() < 0.4 * even.noise(), "{} {}", by_noise.noise(), even.noise());
     }
@@ -330,7 +339,7 @@ mod tests {
             expose_rare_light(&mut film, 3, rounds);
             film
         };
-        for begun in [2, PILOT, PILOT + 5] {
+        for begun in [2, FIRST, FIRST + 5] {
             let half = whole(begun, Film::by_noise(24, 24, 1));
             let resumed = Film::by_noise(24, 24, 1).resume(
                 [half.rounds, half.samples],
@@ -338,7 +347,7 @@ mod tests {
                 half.allotment().clone(),
                 half.cost,
             );
-            assert_eq!(whole(2 * PILOT + 9 - begun, resumed), whole(2 * PILOT + 9, Film::by_noise(24, 24, 1)));
+            assert_eq!(whole(2 * FIRST + 9 - begun, resumed), whole(2 * FIRST + 9, Film::by_noise(24, 24, 1)));
         }
     }
 }
