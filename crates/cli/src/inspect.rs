@@ -18,8 +18,8 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
     let geometry = Geometry::new(scene, &mesh)?;
     let strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
-    let (keep_everything, asked) = (args.plan.keep_everything, plan::asked(&args.plan, scene)?);
-    let planned = Strategy { keep_everything, asked, ..strategy.clone() };
+    let (omit, asked) = (plan::omissions(&args.plan), plan::asked(&args.plan, scene)?);
+    let planned = Strategy { omit, asked, ..strategy.clone() };
     let plan = Plan::new(scene, &planned);
     let savings = plan.left_out(&plan.mesh(scene, &planned)?, &planned);
     let prediction = predict(&Size::of(&geometry), &strategy);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
-use radiosity::plan::{Off, Savings};
+use radiosity::plan::{Off, Omissions, Savings};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
     LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
@@ -121,8 +121,8 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     // Linear shading joins the irradiance of neighbours, and wants it of all.
     let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && !args.plan.ask.is_empty());
     let asked = plan::asked(&args.plan, scene)?;
-    let keep_everything = args.plan.keep_everything || whole;
-    let planned = |strategy: Strategy| Strategy { keep_everything, asked: asked.clone(), ..strategy };
+    let omit = if whole { Omissions::NONE } else { plan::omissions(&args.plan) };
+    let planned = |strategy: Strategy| Strategy { omit, asked: asked.clone(), ..strategy };
     let before = planned(admitted(args, scene, mesh)?);
     let clock = Instant::now();
     let mut plan = Plan::new(scene, &before);
