@@ -17,11 +17,14 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
     admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
     let geometry = Geometry::new(scene, &mesh)?;
-    let strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
+    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
     let (omit, asked) = (plan::omissions(&args.plan), plan::asked(&args.plan, scene)?);
     let planned = Strategy { omit, asked, ..strategy.clone() };
     let plan = Plan::new(scene, &planned);
-    let savings = plan.left_out(&plan.mesh(scene, &planned)?, &planned);
+    let kept = plan.mesh(scene, &planned)?;
+    let savings = plan.left_out(&kept, &planned);
+    let choice = plan.store(&kept, &planned);
+    strategy.store = choice.store;
     let prediction = predict(&Size::of(&geometry), &strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
@@ -56,6 +59,8 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             "method": output::method(strategy.method),
             "form": strategy.shape.name(),
             "solver": strategy.solver,
+            "store": strategy.store.name(),
+            "store_reason": choice.reason.to_string(),
             "form_factors": prediction.form_factors,
             "source_evaluations": prediction.source_evaluations,
             "rays": prediction.rays,
@@ -103,6 +108,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             output::bytes(prediction.peak_bytes + program)
         ),
     ];
+    lines.push(plan::store_line(choice.store, choice.reason));
     lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));
     lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
     lines.extend(plan::lines(&savings));

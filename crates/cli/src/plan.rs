@@ -1,6 +1,7 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
-use radiosity::plan::{Counts, LeftOut, Omissions, Savings};
+use radiosity::Store;
+use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
@@ -60,6 +61,11 @@ pub fn json(savings: &Savings) -> Value {
         list.push(json!({ "reason": "all of these", "what": "in all", "predicted": predicted, "measured": measured }));
     }
     list.into()
+}
+
+/// The store that was chosen, and why.
+pub fn store_line(store: Store, reason: StoreReason) -> String {
+    format!("store {}: {reason}", store.name())
 }
 
 /// A line for each thing left out.

@@ -176,7 +176,7 @@ impl Cells<'_> {
 }
 
 /// Counts of the runs of several plans.
-struct Tally<'a> {
+pub(super) struct Tally<'a> {
     strategy: &'a Strategy,
     faces: Vec<Face<'a>>,
     /// Whether pairs of faces may be looked at.
@@ -184,7 +184,7 @@ struct Tally<'a> {
 }
 
 impl<'a> Tally<'a> {
-    fn new(geometry: &'a Geometry<'_>, strategy: &'a Strategy, plan: &Plan) -> Self {
+    pub(super) fn new(geometry: &'a Geometry<'_>, strategy: &'a Strategy, plan: &Plan) -> Self {
         let scene = geometry.scene();
         let mesh_faces = geometry.mesh().faces();
         let of_element = |e: usize| mesh_faces[geometry.exposed()[e] as usize];
@@ -213,7 +213,7 @@ impl<'a> Tally<'a> {
     }
 
     /// Counts of each plan.
-    fn counts(&self, plans: &[Plan]) -> Vec<Counts> {
+    pub(super) fn counts(&self, plans: &[Plan]) -> Vec<Counts> {
         let strategy = self.strategy;
         let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone);
         let ends = |face: &Face<'a>| match strategy.shape {

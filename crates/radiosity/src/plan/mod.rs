@@ -14,7 +14,7 @@
 //! observers; the answer is of all elements.
 //!
 //! Links, repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
-//! light need it: they leave nothing out ([`Plan::off`]). What is *not* here: omissions that need a tolerance, and the choice of a store.
+//! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance.
 
 mod bands;
 mod counts;
@@ -22,6 +22,7 @@ mod follow;
 mod omissions;
 mod roles;
 mod rooms;
+mod store;
 
 use radiosity_core::Direction;
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -33,6 +34,7 @@ pub use counts::{Counts, LeftOut, Savings};
 pub(crate) use follow::follow;
 pub use omissions::{Omission, Omissions};
 pub use roles::Role;
+pub use store::{StoreChoice, StoreReason, choose_store, fill_before_meshing};
 
 use crate::run::named;
 use crate::{Geometry, Method, Shape, Size, Store, Strategy};
