@@ -16,10 +16,12 @@
 //!
 //! What is *not* here: links, which have an error of their own and are asked for.
 
+use std::collections::BTreeMap;
+
 use radiosity_form_factors::stores::PackedFormFactors;
 
-use super::Plan;
 use super::counts::Tally;
+use super::{Plan, Role};
 use crate::{Bytes, Geometry, Method, Shape, Size, Store, Strategy, predict};
 
 /// A store, and why it is taken.
@@ -155,7 +157,11 @@ impl Plan {
     pub fn store(&self, geometry: &Geometry<'_>, strategy: &Strategy) -> StoreChoice {
         let all = Size::of(geometry);
         let counts = Tally::new(geometry, strategy, self).counts(std::slice::from_ref(self))[0];
-        let size = Size { elements: counts.unknowns, ..all };
+        // Entries are held room by room: as many as in one system of this size.
+        let unknowns = geometry.surfaces().into_iter().filter(|&s| self.roles[s as usize] == Role::Exchanges);
+        let mut of_room: BTreeMap<u32, f64> = BTreeMap::new();
+        unknowns.for_each(|s| *of_room.entry(self.room[s as usize]).or_default() += 1.0);
+        let size = Size { elements: of_room.values().map(|m| m * m).sum::<f64>().sqrt().ceil() as u64, ..all };
         let fill = match (counts.form_factors, strategy.method, strategy.shape) {
             (Some(pairs), Method::Analytic { .. }, Shape::Full) => {
                 (2.0 * pairs as f64 / (size.elements as f64).powi(2)).min(1.0)
