@@ -1,7 +1,7 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, Method, Plan, Size, Strategy, forecast, predict};
-use radiosity_geometry::Scene;
+use radiosity::{Geometry, Plan, Size, Strategy, forecast};
+use radiosity_geometry::{Occluders, Scene};
 use serde_json::{Value, json};
 
 use crate::args::InspectArgs;
@@ -14,18 +14,27 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
-    admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
-    let geometry = Geometry::new(scene, &mesh)?;
-    let mut strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
     let (omit, asked) = (plan::omissions(&args.plan), plan::asked(&args.plan, scene)?);
-    let planned = Strategy { omit, asked, ..strategy.clone() };
-    let plan = Plan::new(scene, &planned);
-    let kept = plan.mesh(scene, &planned)?;
-    let savings = plan.left_out(&kept, &planned);
-    let choice = plan.store(&kept, &planned);
+    let strategy = |sizes: (usize, usize)| Strategy {
+        omit,
+        asked: asked.clone(),
+        ..strategy(sizes, mesh, &args.estimator, &args.common)
+    };
+    let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
+    let before = strategy((cells, Occluders::blocking(scene).len()));
+    admitted_mesh(scene, &before)?;
+    let mut plan = Plan::new(scene, &before);
+    let mut geometry = plan.mesh(scene, &before)?;
+    let mut strategy = strategy(sizes(&geometry));
+    if strategy.method != before.method {
+        // Contacts made more elements than was thought, or fewer.
+        plan = Plan::new(scene, &strategy);
+        geometry = plan.mesh(scene, &strategy)?;
+    }
+    let savings = plan.left_out(&geometry, &strategy);
+    let choice = plan.store(&geometry, &strategy);
     strategy.store = choice.store;
-    let prediction = predict(&Size::of(&geometry), &strategy);
+    let prediction = plan.size(&geometry).predict(&strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
     let left_out = left_out(scene, &geometry);

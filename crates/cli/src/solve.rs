@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
-use radiosity::plan::{Off, Omissions, Savings, StoreReason, choose_store, fill_before_meshing};
+use radiosity::plan::{Off, Omissions, Savings, StoreReason};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
-    LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
+    LinearRadiosity, Method, Phase, Plan, Prediction, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{
@@ -125,7 +125,7 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let planned = |strategy: Strategy| Strategy { omit, asked: asked.clone(), ..strategy };
     // Which store is taken is a matter of what is computed once, for one scene.
     let choose = args.store.is_none() && args.tolerance.is_none() && !specular;
-    let before = planned(admitted(args, scene, mesh, choose)?);
+    let before = admitted(args, scene, mesh, &planned, choose)?;
     let clock = Instant::now();
     let mut plan = Plan::new(scene, &before);
     let mut geometry = plan.mesh(scene, &before)?;
@@ -147,8 +147,8 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     strategy.check()?;
     if args.common.dry_run {
-        let savings = plan.left_out(&geometry, &strategy);
-        return Ok(dry_run(args, &geometry, &strategy, None, (&savings, reason), program));
+        let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
+        return Ok(dry_run(args, Foreseen { prediction, savings, reason }, &strategy, None, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
@@ -174,15 +174,21 @@ pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
     (geometry.elements().len(), geometry.blockers().len())
 }
 
-/// The strategy by what is known before there is a mesh, `choose` its store. Refuses what would take too much memory: of a dry run, the mesh alone.
-fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings, choose: bool) -> Result<Strategy, Failure> {
-    let size = Size::before_meshing(scene, &mesh)?;
-    let cells = size.elements as usize;
+/// The strategy by what is known before there is a mesh, with what `planned` leaves out, `choose` its store. Refuses what would take too much memory: of a dry run, the mesh alone.
+fn admitted(
+    args: &SolveArgs,
+    scene: &Scene,
+    mesh: MeshSettings,
+    planned: &dyn Fn(Strategy) -> Strategy,
+    choose: bool,
+) -> Result<Strategy, Failure> {
+    let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
     let blocking = Occluders::blocking(scene).len();
     let mut strategy = strategy((cells, blocking), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args, blocking);
+    let mut strategy = planned(strategy);
     if choose && !by_links(args) {
-        strategy.store = choose_store(&size, fill_before_meshing(&size, &strategy), &strategy).store;
+        strategy.store = Plan::new(scene, &strategy).store_before_meshing(scene, &strategy)?.store;
     }
     strategy.check()?;
     if args.common.dry_run {
@@ -207,7 +213,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     one_moved(&imported.scene, &change, path)?;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    admitted(args, &imported.scene, mesh, false)?;
+    admitted(args, &imported.scene, mesh, &|strategy| strategy, false)?;
     // What is not asked for is chosen as without the scene before.
     let geometry = Geometry::new(&imported.scene, &mesh)?;
     let (elements, blocking) = sizes(&geometry);
@@ -215,7 +221,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None, (&Savings::default(), None), program));
+        return Ok(dry_run(args, Foreseen::whole(&geometry, &strategy), &strategy, None, program));
     }
     drop(geometry);
     let first = Solved::new(&before.scene, &strategy, &mut ()).map_err(memory::explained)?;
@@ -295,7 +301,9 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, Some(&file), (&Savings::default(), None), program));
+        let mut whole = Foreseen::whole(&geometry, &strategy);
+        (whole.prediction.form_factors, whole.prediction.source_evaluations) = (0, 0);
+        return Ok(dry_run(args, whole, &strategy, Some(&file), program));
     }
     let run = run_saved(geometry, &file.rows, &strategy, &mut ()).map_err(memory::explained)?;
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight(None))
@@ -332,20 +340,34 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
     strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
+/// What is known of a run that is not made.
+struct Foreseen {
+    prediction: Prediction,
+    savings: Savings,
+    reason: Option<StoreReason>,
+}
+
+impl Foreseen {
+    /// A run that leaves nothing out.
+    fn whole(geometry: &Geometry<'_>, strategy: &Strategy) -> Self {
+        let prediction = predict(&Size::of(geometry), strategy);
+        Self { prediction, savings: Savings::default(), reason: None }
+    }
+}
+
 fn dry_run(
     args: &SolveArgs,
-    geometry: &Geometry<'_>,
+    Foreseen { prediction, savings, reason }: Foreseen,
     strategy: &Strategy,
     file: Option<&FromFile>,
-    (savings, reason): (&Savings, Option<StoreReason>),
     program: u64,
 ) -> Verdict {
-    let (mut object, line) = prediction(geometry, strategy, file, program);
-    object["left_out"] = plan::json(savings);
+    let (mut object, line) = predicted(&prediction, strategy, file, program);
+    object["left_out"] = plan::json(&savings);
     object["store_reason"] = reason.map(|reason| reason.to_string()).into();
     let mut lines = vec![line];
     lines.extend(reason.map(|reason| plan::store_line(strategy.store, reason)));
-    lines.extend(plan::lines(savings));
+    lines.extend(plan::lines(&savings));
     output::print(&args.common, &object, &lines);
     Verdict::Done
 }
@@ -469,11 +491,7 @@ fn method_name(strategy: &Strategy, file: Option<&FromFile>) -> String {
     }
 }
 
-fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>, program: u64) -> (Value, String) {
-    let mut p = predict(&Size::of(geometry), strategy);
-    if file.is_some() {
-        (p.form_factors, p.source_evaluations) = (0, 0);
-    }
+fn predicted(p: &Prediction, strategy: &Strategy, file: Option<&FromFile>, program: u64) -> (Value, String) {
     let object = json!({
         "dry_run": true,
         "elements": p.elements, "patches": p.patches,

@@ -22,6 +22,7 @@ mod follow;
 mod omissions;
 mod roles;
 mod rooms;
+mod size;
 mod store;
 
 use radiosity_core::Direction;
@@ -34,7 +35,8 @@ pub use counts::{Counts, LeftOut, Savings};
 pub(crate) use follow::follow;
 pub use omissions::{Omission, Omissions};
 pub use roles::Role;
-pub use store::{StoreChoice, StoreReason, choose_store, fill_before_meshing};
+pub use size::PlannedSize;
+pub use store::{StoreChoice, StoreReason, choose_store};
 
 use crate::run::named;
 use crate::{Geometry, Method, Shape, Size, Store, Strategy};

@@ -16,12 +16,12 @@
 //!
 //! What is *not* here: links, which have an error of their own and are asked for.
 
-use std::collections::BTreeMap;
-
 use radiosity_form_factors::stores::PackedFormFactors;
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::MeshError;
 
+use super::Plan;
 use super::counts::Tally;
-use super::{Plan, Role};
 use crate::{Bytes, Geometry, Method, Shape, Size, Store, Strategy, predict};
 
 /// A store, and why it is taken.
@@ -142,7 +142,7 @@ pub fn choose_store(size: &Size, fill: f64, strategy: &Strategy) -> StoreChoice 
 }
 
 /// Largest share of entries that are not zero, of rows of `strategy` on a mesh of this size of which nothing else is known.
-pub fn fill_before_meshing(size: &Size, strategy: &Strategy) -> f64 {
+fn fill_before_meshing(size: &Size, strategy: &Strategy) -> f64 {
     let targets = if strategy.shape == Shape::Full { size.elements } else { size.patches };
     let hits = match strategy.method {
         Method::Analytic { .. } => targets,
@@ -153,15 +153,20 @@ pub fn fill_before_meshing(size: &Size, strategy: &Strategy) -> f64 {
 }
 
 impl Plan {
+    /// The store for `strategy` by what is known before there is a mesh.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the settings make no mesh.
+    pub fn store_before_meshing(&self, scene: &Scene, strategy: &Strategy) -> Result<StoreChoice, MeshError> {
+        let size = self.size_before_meshing(scene, strategy)?.kept;
+        Ok(choose_store(&size, fill_before_meshing(&size, strategy), strategy))
+    }
+
     /// The store for `strategy` on `geometry`, which [`Plan::mesh`] made: by what the plan keeps.
     pub fn store(&self, geometry: &Geometry<'_>, strategy: &Strategy) -> StoreChoice {
-        let all = Size::of(geometry);
+        let size = self.size(geometry).kept;
         let counts = Tally::new(geometry, strategy, self).counts(std::slice::from_ref(self))[0];
-        // Entries are held room by room: as many as in one system of this size.
-        let unknowns = geometry.surfaces().into_iter().filter(|&s| self.roles[s as usize] == Role::Exchanges);
-        let mut of_room: BTreeMap<u32, f64> = BTreeMap::new();
-        unknowns.for_each(|s| *of_room.entry(self.room[s as usize]).or_default() += 1.0);
-        let size = Size { elements: of_room.values().map(|m| m * m).sum::<f64>().sqrt().ceil() as u64, ..all };
         let fill = match (counts.form_factors, strategy.method, strategy.shape) {
             (Some(pairs), Method::Analytic { .. }, Shape::Full) => {
                 (2.0 * pairs as f64 / (size.elements as f64).powi(2)).min(1.0)
@@ -169,5 +174,61 @@ impl Plan {
             _ => fill_before_meshing(&size, strategy),
         };
         choose_store(&size, fill, strategy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use radiosity_geometry::mesh::Subdivision;
+
+    use super::*;
+
+    const SIZE: Size = Size { mesh_elements: 4000, elements: 4000, patches: 4000, bands: 3 };
+
+    fn chosen(fill: f64, change: impl Fn(&mut Strategy)) -> Store {
+        let mut strategy = Strategy::new(Subdivision::Uniform(1), Method::ANALYTIC);
+        change(&mut strategy);
+        choose_store(&SIZE, fill, &strategy).store
+    }
+
+    #[test]
+    fn symmetric_entries_are_packed_where_the_solver_gathers_and_a_tile_is_not_larger_than_the_matrix() {
+        assert_eq!(chosen(1.0, |_| ()), Store::Packed);
+        assert_eq!(chosen(1.0, |s| s.solver = "gauss-seidel".to_owned()), Store::Dense);
+        let few = Size { mesh_elements: 150, elements: 150, patches: 150, bands: 3 };
+        let strategy = Strategy::new(Subdivision::Uniform(1), Method::ANALYTIC);
+        assert_eq!(choose_store(&few, 1.0, &strategy).store, Store::Dense);
+    }
+
+    /// 2⁻²⁴ = 6·10⁻⁸ is a sixteenth of 9.5·10⁻⁷.
+    #[test]
+    fn single_precision_is_taken_only_where_it_is_small_beside_what_the_solver_leaves() {
+        assert_eq!(chosen(1.0, |s| s.unshot = 9e-7), Store::Packed);
+        assert_eq!(chosen(1.0, |s| s.unshot = 1e-6), Store::PackedSingle);
+    }
+
+    /// 12 bytes an entry against 4 of the packed and 8 of the dense store, of which half is the limit.
+    #[test]
+    fn sparse_is_taken_by_a_bound_of_the_entries() {
+        assert_eq!([0.16, 0.18].map(|fill| chosen(fill, |_| ())), [Store::Sparse, Store::Packed]);
+        let rays = |rays| {
+            let strategy = Strategy::new(Subdivision::Uniform(1), Method::rays(rays));
+            choose_store(&SIZE, fill_before_meshing(&SIZE, &strategy), &strategy).store
+        };
+        assert_eq!([1300, 1400].map(rays), [Store::Sparse, Store::Dense]);
+    }
+
+    #[test]
+    fn rows_are_computed_again_only_if_no_store_fits_and_whole_rows_are_kept_whole() {
+        // Packed 64 MB, dense 128 MB.
+        let within = |megabytes: u64| {
+            chosen(1.0, |s| {
+                s.memory = Some(megabytes * 1_000_000);
+                s.solver = "gauss-seidel".to_owned();
+            })
+        };
+        assert_eq!([200, 100, 30].map(within), [Store::Dense, Store::Packed, Store::KeepNone]);
+        let repaired = |s: &mut Strategy| (s.method, s.repair, s.memory) = (Method::rays(16), true, Some(1));
+        assert_eq!(chosen(0.01, repaired), Store::Dense);
     }
 }
