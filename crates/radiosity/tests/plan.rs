@@ -258,6 +258,22 @@ fn every_omission_alone_and_all_together_change_nothing_and_save_what_was_predic
     }
 }
 
+/// Links of the lit one of two rooms are those of that room alone, to the last bit.
+#[test]
+fn dark_rooms_have_no_links() {
+    let strategy = Strategy { store: Store::HIERARCHICAL, unshot: 1e-9, ..strategy(Method::OF_LINKS) };
+    let (two, one) = (two_rooms([true, false]), one_room());
+    let planned = run(&two, &strategy, &mut ()).unwrap();
+    let alone = run(&one, &Strategy { omit: Omissions::NONE, ..strategy }, &mut ()).unwrap();
+    assert_eq!((planned.left_out.list[0].omission, planned.left_out.predicted.unknowns), (Omission::Dark, 54));
+    assert_eq!(planned.hierarchical, alone.hierarchical);
+    for b in 0..3 {
+        let (some, all) = (planned.solution.radiosity.band(b), alone.solution.radiosity.band(b));
+        assert_eq!(&some[..54], all);
+        assert!(some[54..].iter().all(|b| *b == 0.0));
+    }
+}
+
 #[test]
 fn what_needs_everything_says_so() {
     let scene = two_rooms([true, false]);
@@ -265,7 +281,6 @@ fn what_needs_everything_says_so() {
     let off = |strategy: Strategy| Plan::new(&scene, &strategy).off;
     assert_eq!(off(plain.clone()), None);
     assert_eq!(off(Strategy { omit: Omissions::NONE, ..plain.clone() }), Some(Off::KeepEverything));
-    assert_eq!(off(Strategy { store: Store::HIERARCHICAL, ..plain.clone() }), Some(Off::Links));
     assert_eq!(off(Strategy { repair: true, ..plain.clone() }), Some(Off::Repair));
     assert_eq!(off(Strategy { solver: "stochastic".to_owned(), ..plain }), Some(Off::Samples));
 }

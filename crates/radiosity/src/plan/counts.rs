@@ -23,10 +23,10 @@ use crate::{Geometry, Method, Shape, Store, Strategy};
 pub struct Counts {
     /// Elements in the system that is solved.
     pub unknowns: u64,
-    /// Form factors computed; `None` where they are not counted beforehand: on demand, to whole emitters, of very many faces, or of a face without
+    /// Form factors computed; `None` where they are not counted beforehand: on demand, by links, to whole emitters, of very many faces, or of a face without
     /// elements that another face's plane cuts.
     pub form_factors: Option<u64>,
-    /// Rows computed; `None` where rows are computed on demand.
+    /// Rows computed; `None` where rows are computed on demand, and of links.
     pub rows: Option<u64>,
     /// Rays of those rows; `None` where their number depends on what they hit.
     pub rays: Option<u64>,
@@ -215,7 +215,8 @@ impl<'a> Tally<'a> {
     /// Counts of each plan.
     pub(super) fn counts(&self, plans: &[Plan]) -> Vec<Counts> {
         let strategy = self.strategy;
-        let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone);
+        // Rows of stores that compute them when asked, and links, follow from the solution.
+        let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone | Store::Hierarchical { .. });
         let ends = |face: &Face<'a>| match strategy.shape {
             Shape::Full => (face.elements, face.elements),
             Shape::ElementsToPatches | Shape::TwoLevel => (face.elements, face.patches),

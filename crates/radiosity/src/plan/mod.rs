@@ -13,7 +13,7 @@
 //! [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
 //! observers; the answer is of all elements.
 //!
-//! Links, repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
+//! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
 //! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance.
 
 mod bands;
@@ -51,8 +51,6 @@ fn most_looks(elements: u64) -> u64 {
 pub enum Off {
     /// It was asked for.
     KeepEverything,
-    /// Links are between all elements.
-    Links,
     /// Repair closes the rows of all elements.
     Repair,
     /// Draws are of all elements and bands.
@@ -64,7 +62,6 @@ impl Off {
     pub fn of(strategy: &Strategy) -> Option<Self> {
         match strategy {
             Strategy { omit: Omissions::NONE, .. } => Some(Self::KeepEverything),
-            Strategy { store: Store::Hierarchical { .. }, .. } => Some(Self::Links),
             Strategy { repair: true, .. } => Some(Self::Repair),
             strategy if strategy.samples() => Some(Self::Samples),
             _ => None,
@@ -76,7 +73,6 @@ impl std::fmt::Display for Off {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::KeepEverything => "everything is to be kept",
-            Self::Links => "links join all elements",
             Self::Repair => "repair needs whole rows",
             Self::Samples => "a solver that samples draws for all elements",
         })
@@ -106,7 +102,7 @@ impl Plan {
             return Self { off, ..Self::everything(scene) };
         }
         let whole = vec![0; scene.surfaces.len()];
-        let omits = |omission: Omission| strategy.omit.contains(omission);
+        let omits = |omission: Omission| allowed(strategy).contains(omission);
         let mut room = whole.clone();
         if omits(Omission::Dark) || omits(Omission::Rooms) {
             let cells = Size::before_meshing(scene, &strategy.mesh).map_or(0, |size| size.elements);
@@ -174,6 +170,18 @@ impl Plan {
         rooms.sort_unstable();
         rooms.dedup();
         rooms
+    }
+}
+
+/// What `strategy` can leave out of what it may: links are refined by the light of all elements in all bands, but for the dark ones.
+fn allowed(strategy: &Strategy) -> Omissions {
+    let links = matches!(strategy.store, Store::Hierarchical { .. });
+    if links && strategy.omit.contains(Omission::Dark) {
+        Omission::Dark.into()
+    } else if links {
+        Omissions::NONE
+    } else {
+        strategy.omit
     }
 }
 
