@@ -258,7 +258,8 @@ fn every_omission_alone_and_all_together_change_nothing_and_save_what_was_predic
     }
 }
 
-/// Links of the lit one of two rooms are those of that room alone, to the last bit.
+/// Nodes are those of the lit room alone. Links are not to the last one: walls of two rooms are looked at as if they might block. Both runs err by at most
+/// the 1 % that is asked for.
 #[test]
 fn dark_rooms_have_no_links() {
     let strategy = Strategy { store: Store::HIERARCHICAL, unshot: 1e-9, ..strategy(Method::OF_LINKS) };
@@ -266,11 +267,16 @@ fn dark_rooms_have_no_links() {
     let planned = run(&two, &strategy, &mut ()).unwrap();
     let alone = run(&one, &Strategy { omit: Omissions::NONE, ..strategy }, &mut ()).unwrap();
     assert_eq!((planned.left_out.list[0].omission, planned.left_out.predicted.unknowns), (Omission::Dark, 54));
-    assert_eq!(planned.hierarchical, alone.hierarchical);
+    assert_eq!(Some(planned.left_out.predicted), planned.left_out.measured);
+    let [some, all] = [&planned, &alone].map(|run| run.hierarchical.as_ref().unwrap());
+    assert_eq!(some.nodes, all.nodes);
+    let areas = alone.geometry.elements().areas();
     for b in 0..3 {
-        let (some, all) = (planned.solution.radiosity.band(b), alone.solution.radiosity.band(b));
-        assert_eq!(&some[..54], all);
-        assert!(some[54..].iter().all(|b| *b == 0.0));
+        let (some, all) = (planned.solution.irradiance.band(b), alone.solution.irradiance.band(b));
+        let sum = |of: &dyn Fn(usize) -> f64| areas.iter().enumerate().map(|(e, area)| area * of(e)).sum::<f64>();
+        let (total, apart) = (sum(&|_| 1.0), sum(&|e| (some[e] - all[e]).powi(2)));
+        assert!((apart / total).sqrt() < 0.02 * sum(&|e| all[e]) / total);
+        assert!(some[54..].iter().all(|h| *h == 0.0));
     }
 }
 
