@@ -4,6 +4,7 @@
 //! `plan/run` the whole run: `planned`, `everything`, and `by-hand`, which is a library call on a scene of one band. Throughput counts elements.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use radiosity::plan::Omissions;
 use radiosity::{Method, Plan, Strategy, run};
 use radiosity_gallery::boxes::material;
 use radiosity_gallery::rooms::grey_room;
@@ -21,7 +22,7 @@ fn plan(c: &mut Criterion) {
     let mut group = c.benchmark_group("plan");
     for k in [8, 16] {
         let everything = Strategy::new(Subdivision::Uniform(k), Method::ANALYTIC);
-        let planned = Strategy { keep_everything: false, ..everything.clone() };
+        let planned = Strategy { omit: Omissions::ALL, ..everything.clone() };
         group.throughput(Throughput::Elements(6 * u64::from(k).pow(2)));
         group.bench_function(BenchmarkId::new("new", k), |bench| bench.iter(|| Plan::new(&grey, &planned)));
         let found = Plan::new(&grey, &planned);

@@ -5,6 +5,8 @@ mod classes;
 mod common;
 #[path = "03_form_factors.rs"]
 mod form_factors;
+#[path = "11_left_out.rs"]
+mod left_out;
 #[path = "08_parametric.rs"]
 mod parametric;
 #[path = "01_patches.rs"]
@@ -42,6 +44,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &parametric::Parametric,
     &specular_cost::SpecularCost,
     &two_pass::TwoPasses,
+    &left_out::LeftOut,
 ];
 
 fn main() -> ExitCode {

@@ -364,9 +364,11 @@ pub struct SolveArgs {
     /// Most steps of the solver.
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = count)]
     pub steps: u32,
-    /// What is kept of the form factors; packed stores need the analytic method or symmetric saved form factors.
-    #[arg(long, value_name = "NAME", value_enum, default_value = "dense")]
-    pub store: StoreName,
+    /// What is kept of the form factors; packed stores need the analytic method or symmetric saved form factors. Chosen by the share of entries
+    /// that are not zero, their number, the solver and the memory there is if not given; dense where a mesh is refined, light is specular, or form
+    /// factors come from a file or an earlier scene.
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub store: Option<StoreName>,
     /// Estimated rms error of irradiance that the links of the hierarchical store may cause, as a share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit)]
     pub link_error: Option<f64>,

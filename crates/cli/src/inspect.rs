@@ -1,7 +1,7 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, Method, Plan, Size, Strategy, forecast, predict};
-use radiosity_geometry::Scene;
+use radiosity::{Geometry, Plan, Size, Strategy, forecast};
+use radiosity_geometry::{Occluders, Scene};
 use serde_json::{Value, json};
 
 use crate::args::InspectArgs;
@@ -14,15 +14,27 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    let plain = Strategy::new(mesh.elements, Method::ANALYTIC);
-    admitted_mesh(scene, &Strategy { mesh, memory: memory::limit(&args.common), ..plain })?;
-    let geometry = Geometry::new(scene, &mesh)?;
-    let strategy = strategy(sizes(&geometry), mesh, &args.estimator, &args.common);
-    let (keep_everything, asked) = (args.plan.keep_everything, plan::asked(&args.plan, scene)?);
-    let planned = Strategy { keep_everything, asked, ..strategy.clone() };
-    let plan = Plan::new(scene, &planned);
-    let savings = plan.left_out(&plan.mesh(scene, &planned)?, &planned);
-    let prediction = predict(&Size::of(&geometry), &strategy);
+    let (omit, asked) = (plan::omissions(&args.plan), plan::asked(&args.plan, scene)?);
+    let strategy = |sizes: (usize, usize)| Strategy {
+        omit,
+        asked: asked.clone(),
+        ..strategy(sizes, mesh, &args.estimator, &args.common)
+    };
+    let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
+    let before = strategy((cells, Occluders::blocking(scene).len()));
+    admitted_mesh(scene, &before)?;
+    let mut plan = Plan::new(scene, &before);
+    let mut geometry = plan.mesh(scene, &before)?;
+    let mut strategy = strategy(sizes(&geometry));
+    if strategy.method != before.method {
+        // Contacts made more elements than was thought, or fewer.
+        plan = Plan::new(scene, &strategy);
+        geometry = plan.mesh(scene, &strategy)?;
+    }
+    let savings = plan.left_out(&geometry, &strategy);
+    let choice = plan.store(&geometry, &strategy);
+    strategy.store = choice.store;
+    let prediction = plan.size(&geometry).predict(&strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
     let left_out = left_out(scene, &geometry);
@@ -56,6 +68,8 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             "method": output::method(strategy.method),
             "form": strategy.shape.name(),
             "solver": strategy.solver,
+            "store": strategy.store.name(),
+            "store_reason": choice.reason.to_string(),
             "form_factors": prediction.form_factors,
             "source_evaluations": prediction.source_evaluations,
             "rays": prediction.rays,
@@ -103,6 +117,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
             output::bytes(prediction.peak_bytes + program)
         ),
     ];
+    lines.push(plan::store_line(choice.store, choice.reason));
     lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));
     lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
     lines.extend(plan::lines(&savings));

@@ -1,11 +1,17 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
-use radiosity::plan::{Counts, LeftOut, Savings};
+use radiosity::Store;
+use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
 use crate::Failure;
 use crate::args::PlanArgs;
+
+/// What may be left out.
+pub fn omissions(args: &PlanArgs) -> Omissions {
+    if args.keep_everything { Omissions::NONE } else { Omissions::ALL }
+}
 
 /// Indices of the faces asked for, ascending; `None` if all are.
 pub fn asked(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure> {
@@ -42,7 +48,7 @@ fn counts(counts: &Counts) -> Value {
 pub fn json(savings: &Savings) -> Value {
     let one = |left: &LeftOut, measured: Option<Value>| {
         let predicted = counts(&left.predicted);
-        json!({ "reason": left.reason, "what": left.what, "predicted": predicted, "measured": measured })
+        json!({ "reason": left.omission.reason(), "what": left.what, "predicted": predicted, "measured": measured })
     };
     let measured = savings.measured.as_ref().map(counts);
     // Several together are measured together.
@@ -55,6 +61,11 @@ pub fn json(savings: &Savings) -> Value {
         list.push(json!({ "reason": "all of these", "what": "in all", "predicted": predicted, "measured": measured }));
     }
     list.into()
+}
+
+/// The store that was chosen, and why.
+pub fn store_line(store: Store, reason: StoreReason) -> String {
+    format!("store {}: {reason}", store.name())
 }
 
 /// A line for each thing left out.
@@ -71,7 +82,7 @@ pub fn lines(savings: &Savings) -> Vec<String> {
         let saved = saved.into_iter().filter_map(|(count, what)| Some((count.filter(|n| *n > 0)?, what)));
         let saved: Vec<String> = saved.map(|(count, what)| format!("{count} {what}")).collect();
         let saved = if saved.is_empty() { String::new() } else { format!("; saves {}", saved.join(", ")) };
-        format!("left out: {}: {}{saved}", left.what, left.reason)
+        format!("left out: {}: {}{saved}", left.what, left.omission.reason())
     };
     savings.list.iter().map(line).collect()
 }

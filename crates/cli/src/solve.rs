@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
-use radiosity::plan::{Off, Savings};
+use radiosity::plan::{Off, Omissions, Savings, StoreReason};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
-    LinearRadiosity, Method, Phase, Plan, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
+    LinearRadiosity, Method, Phase, Plan, Prediction, Round, Run, RunError, Saving, SpecularBy, SpecularTransport,
 };
 use radiosity::{Shape, Solved, Store, Strategy, ToleranceStep};
 use radiosity::{
@@ -76,8 +76,8 @@ pub fn strategy(
 
 /// How a solution was come by.
 enum Way<'a> {
-    /// By one run.
-    Straight,
+    /// By one run, in a store that was chosen for this reason if none was asked for.
+    Straight(Option<StoreReason>),
     /// By one run with light by way of specular surfaces, whose form factors took so much.
     Enhanced(SpecularBy, Phase),
     /// By refinement to a tolerance.
@@ -121,9 +121,11 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     // Linear shading joins the irradiance of neighbours, and wants it of all.
     let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && !args.plan.ask.is_empty());
     let asked = plan::asked(&args.plan, scene)?;
-    let keep_everything = args.plan.keep_everything || whole;
-    let planned = |strategy: Strategy| Strategy { keep_everything, asked: asked.clone(), ..strategy };
-    let before = planned(admitted(args, scene, mesh)?);
+    let omit = if whole { Omissions::NONE } else { plan::omissions(&args.plan) };
+    let planned = |strategy: Strategy| Strategy { omit, asked: asked.clone(), ..strategy };
+    // Which store is taken is a matter of what is computed once, for one scene.
+    let choose = args.store.is_none() && args.tolerance.is_none() && !specular;
+    let before = admitted(args, scene, mesh, &planned, choose)?;
     let clock = Instant::now();
     let mut plan = Plan::new(scene, &before);
     let mut geometry = plan.mesh(scene, &before)?;
@@ -139,11 +141,14 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
         plan = Plan::new(scene, &strategy);
         geometry = plan.mesh(scene, &strategy)?;
     }
+    let choice = (choose && !by_links(args)).then(|| plan.store(&geometry, &strategy));
+    strategy.store = choice.map_or(strategy.store, |choice| choice.store);
+    let reason = choice.map(|choice| choice.reason);
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     strategy.check()?;
     if args.common.dry_run {
-        let savings = plan.left_out(&geometry, &strategy);
-        return Ok(dry_run(args, &geometry, &strategy, None, &savings, program));
+        let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
+        return Ok(dry_run(args, Foreseen { prediction, savings, reason }, &strategy, None, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
@@ -156,7 +161,10 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
                 run_enhanced(scene, &strategy, transport, &mut ()).map_err(memory::explained)?;
             (run, Way::Enhanced(transport.by, specular))
         }
-        None => (run_planned(&plan, geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?, Way::Straight),
+        None => {
+            let run = run_planned(&plan, geometry, meshing, &strategy, &mut ()).map_err(memory::explained)?;
+            (run, Way::Straight(reason))
+        }
     };
     finish(args, imported, &strategy, None, &run, way)
 }
@@ -166,12 +174,22 @@ pub fn sizes(geometry: &Geometry<'_>) -> (usize, usize) {
     (geometry.elements().len(), geometry.blockers().len())
 }
 
-/// The strategy by what is known before there is a mesh. Refuses what would take too much memory: of a dry run, the mesh alone.
-fn admitted(args: &SolveArgs, scene: &Scene, mesh: MeshSettings) -> Result<Strategy, Failure> {
+/// The strategy by what is known before there is a mesh, with what `planned` leaves out, `choose` its store. Refuses what would take too much memory: of a dry run, the mesh alone.
+fn admitted(
+    args: &SolveArgs,
+    scene: &Scene,
+    mesh: MeshSettings,
+    planned: &dyn Fn(Strategy) -> Strategy,
+    choose: bool,
+) -> Result<Strategy, Failure> {
     let cells = Size::before_meshing(scene, &mesh)?.elements as usize;
     let blocking = Occluders::blocking(scene).len();
     let mut strategy = strategy((cells, blocking), mesh, &args.estimator, &args.common);
     finish_strategy(&mut strategy, args, blocking);
+    let mut strategy = planned(strategy);
+    if choose && !by_links(args) {
+        strategy.store = Plan::new(scene, &strategy).store_before_meshing(scene, &strategy)?.store;
+    }
     strategy.check()?;
     if args.common.dry_run {
         admitted_mesh(scene, &strategy)?;
@@ -195,7 +213,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     one_moved(&imported.scene, &change, path)?;
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    admitted(args, &imported.scene, mesh)?;
+    admitted(args, &imported.scene, mesh, &|strategy| strategy, false)?;
     // What is not asked for is chosen as without the scene before.
     let geometry = Geometry::new(&imported.scene, &mesh)?;
     let (elements, blocking) = sizes(&geometry);
@@ -203,7 +221,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None, &Savings::default(), program));
+        return Ok(dry_run(args, Foreseen::whole(&geometry, &strategy), &strategy, None, program));
     }
     drop(geometry);
     let first = Solved::new(&before.scene, &strategy, &mut ()).map_err(memory::explained)?;
@@ -283,22 +301,29 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, Some(&file), &Savings::default(), program));
+        let mut whole = Foreseen::whole(&geometry, &strategy);
+        (whole.prediction.form_factors, whole.prediction.source_evaluations) = (0, 0);
+        return Ok(dry_run(args, whole, &strategy, Some(&file), program));
     }
     let run = run_saved(geometry, &file.rows, &strategy, &mut ()).map_err(memory::explained)?;
-    finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
+    finish(args, imported, &strategy, Some(&file), &run, Way::Straight(None))
+}
+
+/// Whether links are asked for.
+fn by_links(args: &SolveArgs) -> bool {
+    args.solver.as_deref() == Some(HIERARCHICAL) || args.store == Some(StoreName::Hierarchical)
 }
 
 /// Store, repair, stopping and solver as asked for, among `blocking` polygons that may block.
 fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
-    (strategy.steps, strategy.store, strategy.repair) = (args.steps.into(), args.store.into(), args.repair);
+    (strategy.steps, strategy.repair) = (args.steps.into(), args.repair);
+    strategy.store = args.store.map_or(Store::Dense, Store::from);
     strategy.forecast = if args.forecast { output::FORECAST } else { 0 };
     if args.repair && strategy.shape == Shape::Full {
         // What is repaired is symmetric.
         "cg".clone_into(&mut strategy.solver);
     }
-    let by_links = args.solver.as_deref() == Some(HIERARCHICAL) || args.store == StoreName::Hierarchical;
-    if by_links {
+    if by_links(args) {
         let error = args.link_error.unwrap_or(LINK_ERROR);
         strategy.store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
         strategy.method = args.estimator.method(Method::of_links_among(blocking), blocking);
@@ -315,17 +340,34 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
     strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
+/// What is known of a run that is not made.
+struct Foreseen {
+    prediction: Prediction,
+    savings: Savings,
+    reason: Option<StoreReason>,
+}
+
+impl Foreseen {
+    /// A run that leaves nothing out.
+    fn whole(geometry: &Geometry<'_>, strategy: &Strategy) -> Self {
+        let prediction = predict(&Size::of(geometry), strategy);
+        Self { prediction, savings: Savings::default(), reason: None }
+    }
+}
+
 fn dry_run(
     args: &SolveArgs,
-    geometry: &Geometry<'_>,
+    Foreseen { prediction, savings, reason }: Foreseen,
     strategy: &Strategy,
     file: Option<&FromFile>,
-    savings: &Savings,
     program: u64,
 ) -> Verdict {
-    let (mut object, line) = prediction(geometry, strategy, file, program);
-    object["left_out"] = plan::json(savings);
-    let lines: Vec<String> = std::iter::once(line).chain(plan::lines(savings)).collect();
+    let (mut object, line) = predicted(&prediction, strategy, file, program);
+    object["left_out"] = plan::json(&savings);
+    object["store_reason"] = reason.map(|reason| reason.to_string()).into();
+    let mut lines = vec![line];
+    lines.extend(reason.map(|reason| plan::store_line(strategy.store, reason)));
+    lines.extend(plan::lines(&savings));
     output::print(&args.common, &object, &lines);
     Verdict::Done
 }
@@ -351,7 +393,10 @@ fn finish(
     lines.extend(plan::lines(&run.left_out));
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
-        Way::Straight => {}
+        Way::Straight(reason) => {
+            object["store_reason"] = reason.map(|reason| reason.to_string()).into();
+            lines.extend(reason.map(|reason| plan::store_line(strategy.store, reason)));
+        }
         Way::Enhanced(by, phase) => {
             object["extended_form_factors"] = output::phase(&phase);
             object["extended_form_factors"]["by"] = by.name().into();
@@ -395,7 +440,7 @@ fn finish(
 fn plan_off(strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Option<String> {
     match way {
         _ if file.is_some() => Some("form factors are given".to_owned()),
-        Way::Straight => Off::of(strategy).map(|off| off.to_string()),
+        Way::Straight(_) => Off::of(strategy).map(|off| off.to_string()),
         Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
         Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
         Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
@@ -446,11 +491,7 @@ fn method_name(strategy: &Strategy, file: Option<&FromFile>) -> String {
     }
 }
 
-fn prediction(geometry: &Geometry<'_>, strategy: &Strategy, file: Option<&FromFile>, program: u64) -> (Value, String) {
-    let mut p = predict(&Size::of(geometry), strategy);
-    if file.is_some() {
-        (p.form_factors, p.source_evaluations) = (0, 0);
-    }
+fn predicted(p: &Prediction, strategy: &Strategy, file: Option<&FromFile>, program: u64) -> (Value, String) {
     let object = json!({
         "dry_run": true,
         "elements": p.elements, "patches": p.patches,

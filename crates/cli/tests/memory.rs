@@ -38,7 +38,7 @@ fn predicted_peaks_are_those_of_runs() {
         "solve cornell_box.obj --subdivide 40 --rays 64 --store sparse",
         "solve cornell_box.obj --subdivide 40 --solver hierarchical --link-error 0.02",
         "solve cube.obj --subdivide 60 --rays 64 --patch-subdivide 4",
-        "solve cube.obj --subdivide 30 --rays 64",
+        "solve cube.obj --subdivide 30 --rays 64 --store dense",
     ] {
         let command = format!("{command} --threads 2");
         let predicted = object(&folder, &format!("{command} --dry-run"))["predicted"]["peak_bytes"].as_f64().unwrap();
@@ -54,13 +54,19 @@ fn flags(message: &str, end: &str) -> String {
     said.split(end).next().unwrap().trim().to_owned()
 }
 
-/// Six faces of 500 × 500 elements: 18 TB of form factors. What the message says instead is taken at its word.
+/// Six faces of 500 × 500 elements: 18 TB of form factors with their zeros. What the message says instead is taken at its word.
 #[test]
 fn what_does_not_fit_is_refused_at_once_with_flags_that_run() {
     let folder = cube("refused_memory");
     let cases = [
-        ("solve cube.obj --rays 16", "--subdivide 500", "--memory 300M", " takes about", "--subdivide 3"),
-        ("solve cube.obj --rays 16", "--subdivide 40", "--memory 300M", " takes about", "--solver hierarchical"),
+        ("solve cube.obj --rays 16 --store dense", "--subdivide 500", "--memory 300M", " takes about", "--subdivide 3"),
+        (
+            "solve cube.obj --rays 16 --store dense",
+            "--subdivide 40",
+            "--memory 300M",
+            " takes about",
+            "--solver hierarchical",
+        ),
         ("solve cube.obj", "--subdivide 500", "--memory 20M", " takes about", "--subdivide"),
         (
             "form-factors cube.obj --rays 16 --output F.npy",

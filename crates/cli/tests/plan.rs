@@ -5,7 +5,7 @@ mod common;
 use std::fmt::Write;
 
 use common::Folder;
-use radiosity_gallery::rooms::{black_floor, two_rooms};
+use radiosity_gallery::rooms::{black_floor, one_room, two_rooms};
 use radiosity_geometry::Scene;
 use serde_json::Value;
 
@@ -103,4 +103,37 @@ fn only_what_is_asked_for_is_written_and_what_merely_blocks_has_no_elements() {
     let ran = folder.run("solve scene.obj --ask nobody");
     assert_eq!(ran.code, 2);
     assert!(ran.stderr.contains("--ask nobody") && ran.stderr.contains("0 to 6"));
+}
+
+/// Walls of two rooms of which one is lit: 2,400 unknowns of 4,800.
+#[test]
+fn memory_is_asked_for_what_the_plan_keeps() {
+    let folder = Folder::new("plan_memory");
+    with_scene(&folder, &two_rooms([true, false]));
+    let solve = "solve scene.obj --subdivide 20 --store packed --memory 60M";
+    let predicted = object(&folder, &format!("{solve} --dry-run --json"))["predicted"]["peak_bytes"].as_f64().unwrap();
+    let taken = object(&folder, &format!("{solve} --json --output some.csv"))["peak_bytes"].as_f64().unwrap();
+    assert!((0.9..=1.1).contains(&(predicted / taken)), "{predicted} bytes predicted, {taken} taken");
+    let refused = folder.run(&format!("{solve} --keep-everything"));
+    assert!(refused.code == 2 && refused.stderr.contains("of memory"), "{}", refused.stderr);
+}
+
+#[test]
+fn a_store_that_is_not_asked_for_is_chosen_and_said_why() {
+    let folder = Folder::new("plan_store");
+    with_scene(&folder, &one_room());
+    let solve = |options: &str, name: &str| {
+        object(&folder, &format!("solve scene.obj --subdivide 8 --unshot 1e-14 {options} --json --output {name}.csv"))
+    };
+    let (chosen, dense) = (solve("", "chosen"), solve("--store dense", "dense"));
+    assert_eq!((&chosen["store"], &dense["store"]), (&"packed".into(), &"dense".into()));
+    assert!(chosen["store_reason"].as_str().unwrap().contains("kept once") && dense["store_reason"].is_null());
+    assert!(chosen["stored_bytes"].as_u64() < dense["stored_bytes"].as_u64());
+    let (chosen, dense) = (table(&folder, "chosen.csv"), table(&folder, "dense.csv"));
+    let largest = dense.iter().flat_map(|row| &row[10..13]).copied().fold(0.0, f64::max);
+    let differences = chosen.iter().flatten().zip(dense.iter().flatten()).map(|(a, b)| (a - b).abs());
+    assert!(differences.fold(0.0, f64::max) < 1e-12 * largest);
+    assert_eq!(solve("--rays 16", "rays")["store"], "sparse");
+    let inspected = object(&folder, "inspect scene.obj --subdivide 8 --json");
+    assert_eq!(inspected["predicted"]["store"], "packed");
 }

@@ -51,6 +51,34 @@ pub fn black_floor() -> Scene {
     scene_of_loops(&loops, vec![walls, bands("black", [0.0; 3], [0.0; 3]), bands("lamp", [0.2; 3], [3.0, 2.0, 1.0])])
 }
 
+/// Surfaces of a storey of [`tower`].
+pub const STOREY: usize = 12;
+
+/// Rooms one over the other, each with a block on its floor, a black sheet beside it, and a ceiling that emits if `lit` says so, all of them grey
+/// under light of one colour: a scene in which everything can be left out that a plan knows of. Of each [`STOREY`] surfaces 0 to 5 are the
+/// room, ceiling last, 6 to 10 the block without its bottom, and 11 the sheet.
+pub fn tower(lit: &[bool]) -> Scene {
+    let [x, y, z] = SIZE;
+    let storey = |(k, lit): (usize, &bool)| {
+        let (floor, ceiling) = (z * k as f64, z * (k + 1) as f64);
+        let room = faces(DVec3::new(0.0, 0.0, floor), DVec3::new(x, y, ceiling), true).into_iter();
+        let mut loops: Vec<_> = room.map(|face| (face, 0)).collect();
+        loops[5].1 = if *lit { 2 } else { 0 };
+        let block = faces(DVec3::new(0.75, 2.0, floor), DVec3::new(1.75, 3.25, floor + 1.0), false).into_iter();
+        loops.extend(block.enumerate().filter(|(face, _)| *face != 4).map(|(_, face)| (face, 1)));
+        let sheet = [(1.0, 0.5), (2.5, 0.5), (2.5, 1.5), (1.0, 1.5)].map(|(x, y)| DVec3::new(x, y, floor + 0.75));
+        loops.push((sheet.to_vec(), 3));
+        loops
+    };
+    let loops: Vec<_> = lit.iter().enumerate().flat_map(storey).collect();
+    let grey = |name, reflectance, emission: [f64; 3]| bands(name, [reflectance; 3], emission);
+    let lamp = grey("lamp", 0.3, [4.0, 2.0, 1.0]);
+    scene_of_loops(
+        &loops,
+        vec![grey("walls", 0.5, [0.0; 3]), grey("block", 0.7, [0.0; 3]), lamp, grey("black", 0.0, [0.0; 3])],
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -64,6 +92,8 @@ mod tests {
         assert_eq!(emitters(&two_rooms([true, true])), [5, 11]);
         assert_eq!(emitters(&two_rooms([false, true])), [11]);
         assert_eq!(emitters(&one_room()), [5]);
+        let tower = tower(&[true, false, true]);
+        assert_eq!((tower.surfaces.len(), emitters(&tower)), (3 * STOREY, vec![5, 2 * STOREY + 5]));
         // 2·(12 + 6 + 8) and 2·(4 + 2 + 8), to the rounding of 3 + 3/3.
         assert!((two_rooms([true, true]).area() - 80.0).abs() < 1e-13);
     }

@@ -17,6 +17,7 @@ use radiosity_form_factors::stores::PackedFormFactors;
 use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings, MeshSize, Subdivision};
 use radiosity_geometry::{Facets, Scene};
 
+use crate::plan::Plan;
 use crate::{DirectLight, Geometry, LINK_ERROR, Method, RunError, Shape, Store, Strategy};
 
 /// Vectors of all bands alive at once: the system, the iterate, the answer and what checks it.
@@ -179,15 +180,19 @@ fn workspace(size: &Size, strategy: &Strategy) -> u64 {
         _ if strategy.samples() => VECTORS + VECTORS_OF_SAMPLING,
         _ => VECTORS,
     };
+    size.elements * (8 * size.bands * vectors + estimator_bytes(strategy))
+}
+
+/// Bytes that the estimator keeps for each element.
+pub(crate) fn estimator_bytes(strategy: &Strategy) -> u64 {
     let elements_end_rays = !matches!(strategy.shape, Shape::ElementsToPatches | Shape::TwoLevel);
     let hit = if elements_end_rays { HIT } else { 0 };
-    let estimator = match strategy.method {
+    match strategy.method {
         Method::Analytic { .. } => 0,
         Method::RayCast { .. } => hit,
         Method::RaysAndEmitters { .. } => hit + EMITTERS,
         Method::Hemicube { .. } => HEMICUBE,
-    };
-    size.elements * (8 * size.bands * vectors + estimator)
+    }
 }
 
 /// What is different in an [`Alternative`].
@@ -236,12 +241,17 @@ pub struct Alternative {
 /// [`RunError::Memory`], and [`RunError::Mesh`] if the settings make no mesh.
 pub fn admit(scene: &Scene, strategy: &Strategy) -> Result<(), RunError> {
     let Some(limit) = strategy.memory else { return Ok(()) };
-    let needed = predict(&Size::before_meshing(scene, &strategy.mesh)?, strategy).peak_bytes;
+    let needed = planned(&Plan::new(scene, strategy), scene, strategy)?.peak_bytes;
     if needed <= limit {
         return Ok(());
     }
     let alternative = alternative(scene, strategy, limit).map(Box::new);
     Err(RunError::Memory { needed, limit, alternative })
+}
+
+/// What `strategy` will take by its plan, before there is a mesh.
+fn planned(plan: &Plan, scene: &Scene, strategy: &Strategy) -> Result<Prediction, MeshError> {
+    Ok(plan.size_before_meshing(scene, strategy)?.predict(strategy))
 }
 
 /// [`admit`] where every entry of the system is held as well, to solve it exactly.
@@ -278,10 +288,9 @@ fn alternative(scene: &Scene, asked: &Strategy, limit: u64) -> Option<Alternativ
     changes.push((Change::Links, solver("cg", Method::OF_LINKS, links)));
     changes.push((Change::SparseRays, solver("gauss-seidel", rays, Store::Sparse)));
     changes.push((Change::RaysOnDemand, solver("shooting", rays, Store::KeepNone)));
-    let size = Size::before_meshing(scene, &asked.mesh).ok()?;
     let fitting =
         changes.into_iter().filter(|(_, strategy)| full && strategy.check().is_ok()).find_map(|(change, strategy)| {
-            let prediction = predict(&size, &strategy);
+            let prediction = planned(&Plan::new(scene, &strategy), scene, &strategy).ok()?;
             (prediction.peak_bytes <= limit).then_some(Alternative { change, strategy, prediction })
         });
     fitting.or_else(|| coarser(scene, asked, limit))
@@ -289,10 +298,12 @@ fn alternative(scene: &Scene, asked: &Strategy, limit: u64) -> Option<Alternativ
 
 /// The same strategy on the finest mesh that fits in `limit` bytes.
 pub fn coarser(scene: &Scene, asked: &Strategy, limit: u64) -> Option<Alternative> {
+    // What a plan leaves out is a matter of faces: that of one mesh serves all.
+    let plan = Plan::new(scene, asked);
     let with = |elements: Subdivision| -> Option<Alternative> {
         let mut strategy = asked.clone();
         strategy.mesh.elements = elements;
-        let prediction = predict(&Size::before_meshing(scene, &strategy.mesh).ok()?, &strategy);
+        let prediction = planned(&plan, scene, &strategy).ok()?;
         let change = Change::Coarser(elements);
         (prediction.peak_bytes <= limit).then_some(Alternative { change, strategy, prediction })
     };

@@ -18,7 +18,7 @@ use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
-use crate::plan::{Plan, Savings, follow};
+use crate::plan::{Omissions, Plan, Savings, follow};
 use crate::predict::{Alternative, Bytes, admit};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
@@ -323,7 +323,7 @@ pub fn run_meshed<'a>(
 /// [`RunError`] as [`run`].
 pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase), RunError> {
     let forecast = strategy.forecast.max(1);
-    let asked = Strategy { forecast, steps: 0, verify: false, keep_everything: true, ..strategy.clone() };
+    let asked = Strategy { forecast, steps: 0, verify: false, omit: Omissions::NONE, ..strategy.clone() };
     let run = run(scene, &asked, &mut ())?;
     Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
 }

@@ -7,6 +7,8 @@ use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 use radiosity_solvers::STOCHASTIC;
 
+use crate::plan::Omissions;
+
 /// An estimator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
@@ -231,9 +233,9 @@ pub struct Strategy {
     pub seed: u64,
     /// Bytes that a run may take; it is refused before it begins if more are predicted.
     pub memory: Option<u64>,
-    /// Whether the run computes what the scene does not need as well ([`crate::plan`]), so that observers see, and counts are of, the
-    /// whole system.
-    pub keep_everything: bool,
+    /// What of the scene may be left out that its answer does not need ([`crate::plan`]); with nothing left out, observers see, and counts
+    /// are of, the whole system.
+    pub omit: Omissions,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.
     pub asked: Option<Vec<u32>>,
 }
@@ -256,7 +258,7 @@ impl Strategy {
             forecast: 0,
             seed: 1,
             memory: None,
-            keep_everything: true,
+            omit: Omissions::NONE,
             asked: None,
         }
     }

@@ -1,16 +1,16 @@
 //! What a plan leaves out changes no answer, and saves what it was predicted to.
 
-use radiosity::plan::{Off, Role};
+use radiosity::plan::{Off, Omission, Omissions, Role};
 use radiosity::{Method, Plan, Run, Shape, Store, Strategy, run};
 use radiosity_core::{BandValues, Outcome};
 use radiosity_gallery::boxes::material;
-use radiosity_gallery::rooms::{black_floor, grey_room, one_room, two_rooms};
+use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, two_rooms};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 
 /// 3 × 3 elements a face, solved to rounding: η = 1e-14 leaves less than the 1e-12 that is asked.
 fn strategy(method: Method) -> Strategy {
-    Strategy { unshot: 1e-14, keep_everything: false, ..Strategy::new(Subdivision::Uniform(3), method) }
+    Strategy { unshot: 1e-14, omit: Omissions::ALL, ..Strategy::new(Subdivision::Uniform(3), method) }
 }
 
 fn in_form(method: Method, shape: Shape) -> Strategy {
@@ -29,7 +29,7 @@ fn difference(a: &BandValues, b: &BandValues) -> f64 {
 
 /// The run that keeps everything and the one that does not, which agree to 1e-12.
 fn both<'a>(scene: &'a Scene, strategy: &Strategy) -> [Run<'a>; 2] {
-    let everything = Strategy { keep_everything: true, ..strategy.clone() };
+    let everything = Strategy { omit: Omissions::NONE, ..strategy.clone() };
     let runs = [&everything, strategy].map(|strategy| run(scene, strategy, &mut ()).unwrap());
     let [whole, planned] = &runs;
     assert_eq!(planned.solution.outcome, Outcome::Converged);
@@ -78,7 +78,7 @@ fn a_grey_room_costs_what_one_band_alone_does() {
     let materials = vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 3.0)];
     let one_band = Scene { surfaces: grey.surfaces.clone(), materials };
     let planned = run(&grey, &strategy(Method::ANALYTIC), &mut ()).unwrap();
-    let by_hand = Strategy { keep_everything: true, ..strategy(Method::ANALYTIC) };
+    let by_hand = Strategy { omit: Omissions::NONE, ..strategy(Method::ANALYTIC) };
     let alone = run(&one_band, &by_hand, &mut ()).unwrap();
     assert_eq!((planned.cost(), planned.solution.steps), (alone.cost(), alone.solution.steps));
     for b in 0..3 {
@@ -147,7 +147,7 @@ fn a_dark_room_costs_nothing() {
     ] {
         let runs = both(&two, &strategy);
         saves_what_was_predicted(&runs);
-        let alone = run(&one, &Strategy { keep_everything: true, ..strategy.clone() }, &mut ()).unwrap();
+        let alone = run(&one, &Strategy { omit: Omissions::NONE, ..strategy.clone() }, &mut ()).unwrap();
         let planned = &runs[1];
         // Walls between the rooms count as pairs that may be blocked where there are two of them.
         assert_eq!(planned.cost().form_factors, alone.cost().form_factors);
@@ -191,7 +191,7 @@ fn what_is_not_asked_for_and_sends_nothing_only_blocks() {
     let scene = black_floor();
     for method in [Method::ANALYTIC, Method::rays(64), Method::HEMICUBE] {
         let strategy = Strategy { asked: Some(vec![0, 1, 2, 3, 5]), ..strategy(method) };
-        let everything = Strategy { keep_everything: true, ..strategy.clone() };
+        let everything = Strategy { omit: Omissions::NONE, ..strategy.clone() };
         let [whole, planned] = [&everything, &strategy].map(|strategy| run(&scene, strategy, &mut ()).unwrap());
         // Rows of rays and hemicubes are drawn by the numbers of elements, which therefore stay.
         let exact = method == Method::ANALYTIC;
@@ -218,14 +218,75 @@ fn what_is_not_asked_for_and_sends_nothing_only_blocks() {
     }
 }
 
+/// Two storeys, the upper one dark, without their sheets asked for: all that a plan knows of can be left out, and each alone.
+#[test]
+fn every_omission_alone_and_all_together_change_nothing_and_save_what_was_predicted() {
+    let scene = tower(&[true, false]);
+    let is_sheet = |s: &u32| *s as usize % STOREY == STOREY - 1;
+    let asked: Vec<u32> = (0..scene.surfaces.len() as u32).filter(|s| !is_sheet(s)).collect();
+    let plain = Strategy { unshot: 1e-14, ..Strategy::new(Subdivision::Uniform(2), Method::ANALYTIC) };
+    let everything = run(&scene, &plain, &mut ()).unwrap();
+    let all = Omission::ALL.map(Omissions::from).into_iter().chain([Omissions::ALL]);
+    for omit in all {
+        // Black faces are gathered where they are asked for, and only block where not.
+        let asked = (omit != Omissions::from(Omission::Black)).then(|| asked.clone());
+        let strategy = Strategy { omit, asked, ..plain.clone() };
+        let planned = run(&scene, &strategy, &mut ()).unwrap();
+        let left: Vec<Omission> = planned.left_out.list.iter().map(|left| left.omission).collect();
+        // Of sheets that only block none is left to be gathered, and of two rooms one is dark.
+        let expected = if omit == Omissions::ALL {
+            vec![Omission::Blockers, Omission::Dark, Omission::Bands]
+        } else {
+            Omission::ALL.into_iter().filter(|one| omit.contains(*one)).collect()
+        };
+        assert_eq!(left, expected);
+        assert_eq!(Some(planned.left_out.predicted), planned.left_out.measured, "{left:?}");
+        let (h, all) = (planned.geometry.spread(&planned.solution.irradiance), &everything.solution.irradiance);
+        let all = everything.geometry.spread(all);
+        let places = |run: &Run<'_>| -> Vec<usize> {
+            let elements = run.geometry.mesh().elements.iter().enumerate();
+            elements.filter(|(_, element)| !is_sheet(&element.surface)).map(|(e, _)| e).collect()
+        };
+        let (some_places, all_places) = (places(&planned), places(&everything));
+        assert_eq!(some_places.len(), all_places.len());
+        for b in 0..3 {
+            let (some, all) = (h.band(b), all.band(b));
+            let largest = all.iter().copied().fold(0.0, f64::max);
+            let pairs = some_places.iter().zip(&all_places);
+            assert!(pairs.map(|(s, a)| (some[*s] - all[*a]).abs()).fold(0.0, f64::max) < 1e-12 * largest, "{left:?}");
+        }
+    }
+}
+
+/// Nodes are those of the lit room alone. Links are not to the last one: walls of two rooms are looked at as if they might block. Both runs err by at most
+/// the 1 % that is asked for.
+#[test]
+fn dark_rooms_have_no_links() {
+    let strategy = Strategy { store: Store::HIERARCHICAL, unshot: 1e-9, ..strategy(Method::OF_LINKS) };
+    let (two, one) = (two_rooms([true, false]), one_room());
+    let planned = run(&two, &strategy, &mut ()).unwrap();
+    let alone = run(&one, &Strategy { omit: Omissions::NONE, ..strategy }, &mut ()).unwrap();
+    assert_eq!((planned.left_out.list[0].omission, planned.left_out.predicted.unknowns), (Omission::Dark, 54));
+    assert_eq!(Some(planned.left_out.predicted), planned.left_out.measured);
+    let [some, all] = [&planned, &alone].map(|run| run.hierarchical.as_ref().unwrap());
+    assert_eq!(some.nodes, all.nodes);
+    let areas = alone.geometry.elements().areas();
+    for b in 0..3 {
+        let (some, all) = (planned.solution.irradiance.band(b), alone.solution.irradiance.band(b));
+        let sum = |of: &dyn Fn(usize) -> f64| areas.iter().enumerate().map(|(e, area)| area * of(e)).sum::<f64>();
+        let (total, apart) = (sum(&|_| 1.0), sum(&|e| (some[e] - all[e]).powi(2)));
+        assert!((apart / total).sqrt() < 0.02 * sum(&|e| all[e]) / total);
+        assert!(some[54..].iter().all(|h| *h == 0.0));
+    }
+}
+
 #[test]
 fn what_needs_everything_says_so() {
     let scene = two_rooms([true, false]);
     let plain = strategy(Method::ANALYTIC);
     let off = |strategy: Strategy| Plan::new(&scene, &strategy).off;
     assert_eq!(off(plain.clone()), None);
-    assert_eq!(off(Strategy { keep_everything: true, ..plain.clone() }), Some(Off::KeepEverything));
-    assert_eq!(off(Strategy { store: Store::HIERARCHICAL, ..plain.clone() }), Some(Off::Links));
+    assert_eq!(off(Strategy { omit: Omissions::NONE, ..plain.clone() }), Some(Off::KeepEverything));
     assert_eq!(off(Strategy { repair: true, ..plain.clone() }), Some(Off::Repair));
     assert_eq!(off(Strategy { solver: "stochastic".to_owned(), ..plain }), Some(Off::Samples));
 }

@@ -109,17 +109,31 @@ impl MeshSize {
     ///
     /// [`MeshError`] as [`Mesh::new`].
     pub fn of(scene: &Scene, settings: &MeshSettings) -> Result<Self, MeshError> {
+        let of_surfaces = Self::of_surfaces(scene, settings)?;
+        let add = |a: Self, b: Self| Self { cells: a.cells + b.cells, patches: a.patches + b.patches };
+        Ok(of_surfaces.into_iter().fold(Self { cells: 0, patches: 0 }, add))
+    }
+
+    /// [`Self::of`] surface by surface.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] as [`Mesh::new`].
+    pub fn of_surfaces(scene: &Scene, settings: &MeshSettings) -> Result<Vec<Self>, MeshError> {
         settings.elements.check()?;
         settings.patches.map_or(Ok(()), Subdivision::check)?;
-        let mut size = Self { cells: 0, patches: 0 };
-        for (_, face) in scene.pieces() {
+        let mut sizes = vec![Self { cells: 0, patches: 0 }; scene.surfaces.len()];
+        let mut total = 0;
+        for (surface, face) in scene.pieces() {
             let (cells, patches) = count(face, settings.elements, settings.patches)?;
-            (size.cells, size.patches) = (size.cells + cells, size.patches + patches);
-            if size.cells > MAX_CELLS {
-                return Err(MeshError::TooMany { cells: size.cells, limit: MAX_CELLS });
+            sizes[surface].cells += cells;
+            sizes[surface].patches += patches;
+            total += cells;
+            if total > MAX_CELLS {
+                return Err(MeshError::TooMany { cells: total, limit: MAX_CELLS });
             }
         }
-        Ok(size)
+        Ok(sizes)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is left out, in counts: predicted from the mesh before anything is computed, and as it was found afterwards.
 //!
-//! What a run takes is predicted with every omission in turn, in the order of [`Omission`](LeftOut); what one saves is the difference. Counts of form
+//! What a run takes is predicted with every omission in turn, in the order of [`Omission::ALL`]; what one saves is the difference. Counts of form
 //! factors of pairs are those of [`Cost::form_factors`](radiosity_core::Cost), pairs that face each other. Elements of a plane face all lie in
 //! its plane, so that they need no look at pairs of elements:
 //!
@@ -15,7 +15,7 @@ use radiosity_core::Cost;
 use radiosity_geometry::mesh::MeshSize;
 use radiosity_geometry::{Polygon, Scene, Surface};
 
-use super::{Band, BandPlan, Plan, Role, most_looks};
+use super::{Band, BandPlan, Omission, Plan, Role, most_looks};
 use crate::{Geometry, Method, Shape, Store, Strategy};
 
 /// Work of a run, or work saved.
@@ -23,10 +23,10 @@ use crate::{Geometry, Method, Shape, Store, Strategy};
 pub struct Counts {
     /// Elements in the system that is solved.
     pub unknowns: u64,
-    /// Form factors computed; `None` where they are not counted beforehand: on demand, to whole emitters, of very many faces, or of a face without
+    /// Form factors computed; `None` where they are not counted beforehand: on demand, by links, to whole emitters, of very many faces, or of a face without
     /// elements that another face's plane cuts.
     pub form_factors: Option<u64>,
-    /// Rows computed; `None` where rows are computed on demand.
+    /// Rows computed; `None` where rows are computed on demand, and of links.
     pub rows: Option<u64>,
     /// Rays of those rows; `None` where their number depends on what they hit.
     pub rays: Option<u64>,
@@ -47,11 +47,11 @@ impl Counts {
     }
 }
 
-/// An exact omission.
+/// An exact omission that a scene allows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Why it changes nothing.
-    pub reason: &'static str,
+    /// Which.
+    pub omission: Omission,
     /// What is left out.
     pub what: String,
     /// What that saves, after those before it.
@@ -95,10 +95,10 @@ impl Plan {
         let scene = geometry.scene();
         let mut stages = vec![Self::everything(scene)];
         let mut said = Vec::new();
-        let mut stage = |reason: &'static str, what: Option<String>, plan: Self| {
+        let mut stage = |omission: Omission, what: Option<String>, plan: Self| {
             if let Some(what) = what {
                 stages.push(plan);
-                said.push((reason, what));
+                said.push((omission, what));
             }
         };
         // One omission after the other.
@@ -109,34 +109,31 @@ impl Plan {
         };
         let (blocks, dark, black) = (count(Role::Blocks), count(Role::Dark), count(Role::Receives));
         let everything = Self::everything(scene);
-        let reason = "they send nothing and are not asked for: they only block";
         let blocking = Self { roles: only(&[Role::Blocks]), ..everything };
         stage(
-            reason,
+            Omission::Blockers,
             some(blocks, format!("{blocks} faces{}", if self.bare { ", not meshed" } else { "" })),
             blocking.clone(),
         );
         let unlit = Self { roles: only(&[Role::Blocks, Role::Dark]), ..blocking };
         let what = format!("{dark} faces");
-        stage("no light reaches them: 0", some(dark, what), unlit.clone());
+        stage(Omission::Dark, some(dark, what), unlit.clone());
         let parted = Self { room: self.room.clone(), ..unlit };
         let what = format!("form factors between {} rooms", self.rooms());
-        stage("closed walls part them: 0", some(self.rooms() - usize::from(self.rooms() > 0), what), parted.clone());
-        let reason = "black faces send nothing: what arrives is gathered once, at the end";
+        stage(Omission::Rooms, some(self.rooms() - usize::from(self.rooms() > 0), what), parted.clone());
         let gathered = Self { roles: self.roles.clone(), ..parted };
-        stage(reason, some(black, format!("{black} faces as unknowns")), gathered);
+        stage(Omission::Black, some(black, format!("{black} faces as unknowns")), gathered);
         let (zero, scaled) = bands_left(&self.bands);
         let what = match (zero, scaled) {
             (0, scaled) => format!("{scaled} bands"),
             (zero, 0) => format!("{zero} dark bands"),
             (zero, scaled) => format!("{zero} dark bands and {scaled} others"),
         };
-        let reason = "nothing emits in them, or they are multiples of others";
-        stage(reason, some(zero + scaled, what), self.clone());
+        stage(Omission::Bands, some(zero + scaled, what), self.clone());
 
         let counts = Tally::new(geometry, strategy, self).counts(&stages);
         let list = said.into_iter().zip(counts.windows(2));
-        let list = list.map(|((reason, what), step)| LeftOut { reason, what, predicted: step[0].less(step[1]) });
+        let list = list.map(|((omission, what), step)| LeftOut { omission, what, predicted: step[0].less(step[1]) });
         let (first, last) = (counts[0], counts[counts.len() - 1]);
         Savings { list: list.collect(), predicted: first.less(last), measured: None, everything: first }
     }
@@ -179,7 +176,7 @@ impl Cells<'_> {
 }
 
 /// Counts of the runs of several plans.
-struct Tally<'a> {
+pub(super) struct Tally<'a> {
     strategy: &'a Strategy,
     faces: Vec<Face<'a>>,
     /// Whether pairs of faces may be looked at.
@@ -187,7 +184,7 @@ struct Tally<'a> {
 }
 
 impl<'a> Tally<'a> {
-    fn new(geometry: &'a Geometry<'_>, strategy: &'a Strategy, plan: &Plan) -> Self {
+    pub(super) fn new(geometry: &'a Geometry<'_>, strategy: &'a Strategy, plan: &Plan) -> Self {
         let scene = geometry.scene();
         let mesh_faces = geometry.mesh().faces();
         let of_element = |e: usize| mesh_faces[geometry.exposed()[e] as usize];
@@ -216,9 +213,10 @@ impl<'a> Tally<'a> {
     }
 
     /// Counts of each plan.
-    fn counts(&self, plans: &[Plan]) -> Vec<Counts> {
+    pub(super) fn counts(&self, plans: &[Plan]) -> Vec<Counts> {
         let strategy = self.strategy;
-        let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone);
+        // Rows of stores that compute them when asked, and links, follow from the solution.
+        let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone | Store::Hierarchical { .. });
         let ends = |face: &Face<'a>| match strategy.shape {
             Shape::Full => (face.elements, face.elements),
             Shape::ElementsToPatches | Shape::TwoLevel => (face.elements, face.patches),

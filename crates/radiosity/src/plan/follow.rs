@@ -12,8 +12,9 @@ use radiosity_geometry::Facets;
 
 use super::{Band, BandPlan, Plan, Role};
 use crate::estimate::{analytic, ends};
+use crate::hierarchical::solve_by_links;
 use crate::run::{Check, Known, Made, fill_checked, solve_stored, unblocked};
-use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
+use crate::{Geometry, Method, Phase, Run, RunError, Shape, Store, Strategy};
 
 /// Elements on the surfaces that a test picks, ascending.
 type Chosen<'a> = dyn Fn(&dyn Fn(usize) -> bool) -> Vec<u32> + 'a;
@@ -131,6 +132,9 @@ fn solve_part(
     chosen: &Chosen<'_>,
     observer: &mut dyn Observer,
 ) -> Result<Made, RunError> {
+    if let Store::Hierarchical { error, direct } = strategy.store {
+        return solve_by_links(part, strategy, (error, direct), observer);
+    }
     let form = strategy.shape.form();
     let rooms = plan.lit_rooms();
     if rooms.len() == 1 {

@@ -10,17 +10,20 @@
 //!
 //! Each changes the answer by rounding only. Omissions of the estimators (pairs that face away, polygons that cannot block, empty shafts) are
 //! made there and need no plan. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
-//! [`crate::run`] follows it unless [`Strategy::keep_everything`] is set. A solver sees one system of the elements and bands that are needed, and so do
+//! [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
 //! observers; the answer is of all elements.
 //!
-//! Links, repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
-//! light need it: they leave nothing out ([`Plan::off`]). What is *not* here: omissions that need a tolerance, and the choice of a store.
+//! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
+//! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance.
 
 mod bands;
 mod counts;
 mod follow;
+mod omissions;
 mod roles;
 mod rooms;
+mod size;
+mod store;
 
 use radiosity_core::Direction;
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -30,7 +33,10 @@ use radiosity_geometry::mesh::MeshError;
 pub use bands::{Band, BandPlan};
 pub use counts::{Counts, LeftOut, Savings};
 pub(crate) use follow::follow;
+pub use omissions::{Omission, Omissions};
 pub use roles::Role;
+pub use size::PlannedSize;
+pub use store::{StoreChoice, StoreReason, choose_store};
 
 use crate::run::named;
 use crate::{Geometry, Method, Shape, Size, Store, Strategy};
@@ -45,8 +51,6 @@ fn most_looks(elements: u64) -> u64 {
 pub enum Off {
     /// It was asked for.
     KeepEverything,
-    /// Links are between all elements.
-    Links,
     /// Repair closes the rows of all elements.
     Repair,
     /// Draws are of all elements and bands.
@@ -57,8 +61,7 @@ impl Off {
     /// Why `strategy` takes everything, if it does.
     pub fn of(strategy: &Strategy) -> Option<Self> {
         match strategy {
-            Strategy { keep_everything: true, .. } => Some(Self::KeepEverything),
-            Strategy { store: Store::Hierarchical { .. }, .. } => Some(Self::Links),
+            Strategy { omit: Omissions::NONE, .. } => Some(Self::KeepEverything),
             Strategy { repair: true, .. } => Some(Self::Repair),
             strategy if strategy.samples() => Some(Self::Samples),
             _ => None,
@@ -70,7 +73,6 @@ impl std::fmt::Display for Off {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::KeepEverything => "everything is to be kept",
-            Self::Links => "links join all elements",
             Self::Repair => "repair needs whole rows",
             Self::Samples => "a solver that samples draws for all elements",
         })
@@ -99,22 +101,29 @@ impl Plan {
         if off.is_some() {
             return Self { off, ..Self::everything(scene) };
         }
-        let cells = Size::before_meshing(scene, &strategy.mesh).map_or(0, |size| size.elements);
-        let room = rooms::rooms(scene, most_looks(cells)).unwrap_or(vec![0; scene.surfaces.len()]);
-        let mut lit = vec![false; scene.surfaces.len().max(1)];
+        let whole = vec![0; scene.surfaces.len()];
+        let omits = |omission: Omission| allowed(strategy).contains(omission);
+        let mut room = whole.clone();
+        if omits(Omission::Dark) || omits(Omission::Rooms) {
+            let cells = Size::before_meshing(scene, &strategy.mesh).map_or(0, |size| size.elements);
+            room = rooms::rooms(scene, most_looks(cells)).unwrap_or(room);
+        }
+        let mut lit = vec![!omits(Omission::Dark); scene.surfaces.len().max(1)];
         let material = |s: usize| &scene.materials[scene.surfaces[s].material];
         (0..scene.surfaces.len()).for_each(|s| lit[room[s] as usize] |= material(s).emission.iter().any(|&e| e > 0.0));
         let asked = |s: usize| strategy.asked.as_ref().is_none_or(|asked| asked.binary_search(&(s as u32)).is_ok());
-        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], asked);
-        if !gathers(strategy) {
-            // Their rows are those of the others, or asked for one by one.
+        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], |s| asked(s) || !omits(Omission::Blockers));
+        // Where rows are asked for one by one, those of black faces are those of the others.
+        if !(omits(Omission::Black) && gathers(strategy)) {
             roles.iter_mut().filter(|role| **role == Role::Receives).for_each(|role| *role = Role::Exchanges);
         }
+        let room = if omits(Omission::Rooms) { room } else { whole };
         let data = |b: usize| {
             let of = (0..roles.len()).filter(|&s| roles[s] == Role::Exchanges).map(material);
             of.map(|material| (material.emission[b], material.reflectance[b])).collect()
         };
-        let bands = BandPlan::new(scene.bands(), data);
+        let bands =
+            if omits(Omission::Bands) { BandPlan::new(scene.bands(), data) } else { BandPlan::all(scene.bands()) };
         Self { off, roles, room, bands, bare: !numbers_count(strategy) }
     }
 
@@ -161,6 +170,18 @@ impl Plan {
         rooms.sort_unstable();
         rooms.dedup();
         rooms
+    }
+}
+
+/// What `strategy` can leave out of what it may: links are refined by the light of all elements in all bands, but for the dark ones.
+fn allowed(strategy: &Strategy) -> Omissions {
+    let links = matches!(strategy.store, Store::Hierarchical { .. });
+    if links && strategy.omit.contains(Omission::Dark) {
+        Omission::Dark.into()
+    } else if links {
+        Omissions::NONE
+    } else {
+        strategy.omit
     }
 }
 

@@ -1,0 +1,475 @@
+//! What is left out of a scene that does not need it, and what that saves.
+//!
+//! Question: what does each exact omission save, alone and with all others, does it save what was predicted, and does the answer stay? Theory: what no light reaches, what
+//! only blocks and what sends nothing are rows and columns of a system that change nothing in the others, so both systems have one solution and differ by rounding alone; work
+//! saved follows from counts of elements, so it is known before. A plan looks at faces and not at elements, so that it should be lost in the time of a run. Measured on scenes from an empty
+//! grey room to a tower of furnished rooms: everything kept, every omission that the scene allows alone, and all of them; counts are exact, times come from interleaved repeats and are those
+//! of whole runs, plan and mesh included. The difference is the largest of irradiance over what is asked for, relative to the largest irradiance of its band; more than 1e-12, or a saving that is not
+//! the one predicted, counts as failed. What estimators leave out by themselves is counted where everything is kept: polygons that can block nothing, pairs that face
+//! away, and pairs with nothing between them. The empty grey room is solved a second time as the program does it, and as a library call on a scene of one band with store and solver picked by hand, of
+//! which the fastest counts. Read: bars below 1 are work that was not needed. Not shown: omissions that need a tolerance; instructions of a plan, which a profiler counts.
+
+use std::error::Error;
+use std::time::Instant;
+
+use radiosity::plan::{Omission, Omissions};
+use radiosity::{Geometry, Method, Phase, Plan, Run, RunError, Store, Strategy, run_meshed, run_planned};
+use radiosity_core::{Cost, Outcome};
+use radiosity_experiments::{Context, Experiment, Profile, Record, Row, Tables, group_by};
+use radiosity_gallery::boxes::material;
+use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, two_rooms};
+use radiosity_gallery::{city, crowded_room};
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::Subdivision;
+use radiosity_plot::{Axis, Figure, Panel, Point, Quality, Series, numbers};
+
+use crate::common::{cornell, counts};
+
+/// The experiment.
+pub struct LeftOut;
+
+/// Unshot share at which solvers stop: what is left is less than the difference allowed.
+const UNSHOT: f64 = 1e-14;
+/// Largest difference of irradiance that rounding may make, relative.
+const EXACT: f64 = 1e-12;
+/// Names of the runs that leave out nothing and all they can.
+const NOTHING: &str = "nothing";
+const EVERYTHING: &str = "all";
+/// The lit one of two rooms, with no other beside it.
+const ALONE: &str = "lit room alone";
+/// The program, beside picks by hand.
+const PROGRAM: &str = "program";
+/// Name of the scene that is solved by hand.
+const BY_HAND: &str = "by hand";
+
+/// A scene, and how it is solved.
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    method: Method,
+    asked: Option<Vec<u32>>,
+}
+
+/// All surfaces but the sheets of a tower.
+fn without_sheets(scene: &Scene) -> Vec<u32> {
+    (0..scene.surfaces.len() as u32).filter(|s| *s as usize % STOREY != STOREY - 1).collect()
+}
+
+fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
+    let case = |name, scene| Case { name, scene, method: Method::ANALYTIC, asked: None };
+    let storeys = tower(&[true, false, true, false]);
+    let (asked, storeys_by_rays) = (Some(without_sheets(&storeys)), storeys.clone());
+    let sampled = Method::sampled(1e-10, 16);
+    Ok(vec![
+        case("grey room", grey_room([3.0; 3])),
+        case("one dark band", grey_room([3.0, 0.0, 0.7])),
+        case("coloured room", one_room()),
+        case("black floor", black_floor()),
+        Case { asked: Some(vec![0, 1, 2, 3, 5]), ..case("walls asked", black_floor()) },
+        case("two rooms, one lit", two_rooms([true, false])),
+        case("two rooms, lit", two_rooms([true, true])),
+        Case { method: sampled, ..case("Cornell box", cornell()?) },
+        Case { method: sampled, ..case("furnished", crowded_room(9, 1)) },
+        Case { method: sampled, ..case("city", city(1, 2, 1)) },
+        Case { method: sampled, ..case("tower", storeys.clone()) },
+        Case { method: Method::rays(64), ..case("tower, rays", storeys_by_rays) },
+        Case { method: sampled, asked, ..case("tower, asked", storeys) },
+    ])
+}
+
+/// Elements of a scene, by longest edge: about so many whatever its faces.
+fn mesh(scene: &Scene, profile: Profile) -> Subdivision {
+    let most = profile.pick(150.0, 700.0, 3_000.0);
+    Subdivision::EdgeLength((scene.area() / most).sqrt())
+}
+
+/// Elements along an edge of the grey room that is solved by hand.
+fn sizes(profile: Profile) -> &'static [u32] {
+    profile.pick(&[4], &[13, 20], &[13, 20, 29, 41])
+}
+
+/// Stores and solvers that a hand might pick for a symmetric matrix of one band.
+const PICKS: [(Store, &str); 5] = [
+    (Store::Packed, "cg"),
+    (Store::Packed, "jacobi"),
+    (Store::Packed, "chebyshev"),
+    (Store::Dense, "cg"),
+    (Store::Dense, "gauss-seidel"),
+];
+
+/// A run of the plan from the scene on, in the store that it chooses, as the program makes it; and its seconds.
+fn planned<'a>(scene: &'a Scene, strategy: &Strategy) -> Result<(Run<'a>, Strategy, f64), RunError> {
+    let clock = Instant::now();
+    let plan = Plan::new(scene, strategy);
+    let geometry = plan.mesh(scene, strategy)?;
+    let strategy = Strategy { store: plan.store(&geometry, strategy).store, ..strategy.clone() };
+    let run = run_planned(&plan, geometry, Phase::default(), &strategy, &mut ())?;
+    let seconds = clock.elapsed().as_secs_f64();
+    Ok((run, strategy, seconds))
+}
+
+/// A library call with nothing looked at beforehand, and its seconds.
+fn by_hand<'a>(scene: &'a Scene, strategy: &Strategy) -> Result<(Run<'a>, f64), RunError> {
+    let clock = Instant::now();
+    let geometry = Geometry::of_strategy(scene, strategy)?;
+    let run = run_meshed(geometry, Phase::default(), strategy, &mut ())?;
+    Ok((run, clock.elapsed().as_secs_f64()))
+}
+
+/// Irradiance in all bands of the mesh's elements on surfaces asked for, in the order of the mesh.
+fn irradiance(run: &Run<'_>, asked: Option<&[u32]>) -> Vec<Vec<f64>> {
+    let all = run.geometry.spread(&run.solution.irradiance);
+    let elements = &run.geometry.mesh().elements;
+    let is_asked = |e: &usize| asked.is_none_or(|asked| asked.binary_search(&elements[*e].surface).is_ok());
+    let places: Vec<usize> = (0..elements.len()).filter(is_asked).collect();
+    (0..all.count()).map(|b| places.iter().map(|&e| all.band(b)[e]).collect()).collect()
+}
+
+/// Largest difference of a band relative to its largest value, the worst band; infinite if they do not fit.
+fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+    let of_band = |(a, b): (&Vec<f64>, &Vec<f64>)| {
+        let largest = a.iter().copied().fold(0.0, f64::max);
+        let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        if a.len() != b.len() || apart.is_nan() {
+            f64::INFINITY
+        } else if apart == 0.0 {
+            0.0
+        } else {
+            apart / largest
+        }
+    };
+    a.iter().zip(b).map(of_band).fold(0.0, f64::max)
+}
+
+/// The runs of a scene: what they leave out, by name.
+fn variants(case: &Case, plain: &Strategy) -> Vec<(&'static str, Omissions)> {
+    let allowed = |one: &Omission| {
+        let alone = Strategy { omit: (*one).into(), ..plain.clone() };
+        Plan::new(&case.scene, &alone).omits()
+    };
+    let alone = Omission::ALL.into_iter().filter(allowed).map(|one| (one.name(), one.into()));
+    std::iter::once((NOTHING, Omissions::NONE)).chain(alone).chain([(EVERYTHING, Omissions::ALL)]).collect()
+}
+
+/// Columns of what a run left out: predicted and measured, and whether they are the same.
+fn savings(mut record: Record, run: &Run<'_>) -> (Record, bool) {
+    let (predicted, measured) = (run.left_out.predicted, run.left_out.measured);
+    let known = |count: Option<u64>| count.map_or_else(String::new, |count| count.to_string());
+    let columns = [
+        ("unknowns", Some(predicted.unknowns), measured.map(|m| m.unknowns)),
+        ("form_factors", predicted.form_factors, measured.and_then(|m| m.form_factors)),
+        ("rows", predicted.rows, measured.and_then(|m| m.rows)),
+        ("rays", predicted.rays, measured.and_then(|m| m.rays)),
+        ("bands", Some(predicted.bands), measured.map(|m| m.bands)),
+    ];
+    let mut as_predicted = true;
+    for (name, predicted, measured) in columns {
+        as_predicted &= measured.is_none() || predicted == measured;
+        record =
+            record.text(format!("predicted_{name}"), known(predicted)).text(format!("saved_{name}"), known(measured));
+    }
+    (record, as_predicted)
+}
+
+fn outcome(run: &Run<'_>, sound: bool) -> String {
+    if sound { run.solution.outcome.to_string() } else { "failed".to_owned() }
+}
+
+/// Everything kept, each omission alone, and all of them.
+fn omissions(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
+    let profile = context.profile();
+    let elements = mesh(&case.scene, profile);
+    let asked = case.asked.clone();
+    let plain = Strategy { unshot: UNSHOT, asked, ..Strategy::new(elements, case.method) };
+    let variants = variants(case, &plain);
+    let of = |omit: Omissions| Strategy { omit, ..plain.clone() };
+    let mut seconds = vec![Vec::new(); variants.len()];
+    let mut runs = Vec::new();
+    for repetition in 0..profile.pick(1, 3, 5) {
+        for ((_, omit), seconds) in variants.iter().zip(&mut seconds) {
+            let (run, strategy, time) = planned(&case.scene, &of(*omit))?;
+            seconds.push(time);
+            if repetition == 0 {
+                runs.push((run, strategy));
+            }
+        }
+    }
+    let answer = irradiance(&runs[0].0, case.asked.as_deref());
+    for (((name, omit), (run, strategy)), seconds) in variants.iter().zip(&runs).zip(&seconds) {
+        let apart = difference(&answer, &irradiance(run, case.asked.as_deref()));
+        let cost = run.cost();
+        let mut plan_seconds = Vec::new();
+        for _ in 0..seconds.len() {
+            let clock = Instant::now();
+            let plan = Plan::new(&case.scene, &of(*omit));
+            plan_seconds.push(clock.elapsed().as_secs_f64());
+            assert_eq!(plan.off.is_some(), *name == NOTHING, "a strategy that can be planned");
+        }
+        let record = counts(Record::new(format!("{}/{name}", case.name)), &cost)
+            .text("scene", case.name)
+            .text("left_out", name)
+            .text("method", case.method.name())
+            .text("store", strategy.store.name())
+            .int("elements", run.geometry.elements().len())
+            .int("steps", run.solution.steps)
+            .int("stored_bytes", run.stored_bytes)
+            .int("flops", cost.flops);
+        let (record, as_predicted) = savings(record, run);
+        let sound = apart <= EXACT && as_predicted;
+        let mut record = record.float("difference", apart).text("outcome", outcome(run, sound));
+        if *name == NOTHING {
+            record = by_themselves(record, case, run);
+        }
+        context.record(record.repetitions("time", seconds).repetitions("plan_time", &plan_seconds));
+    }
+    context.tick(case.name);
+    Ok(())
+}
+
+/// What geometry and estimators leave out without a plan.
+fn by_themselves(record: Record, case: &Case, run: &Run<'_>) -> Record {
+    let (m, cost) = (run.geometry.elements().len(), run.form_factors.cost);
+    let record = record
+        .int("polygons", case.scene.pieces().count())
+        .int("blocking_polygons", run.geometry.blockers().len())
+        .int("covered_elements", run.geometry.mesh().elements.len() - m);
+    match case.method {
+        Method::Analytic { .. } => record
+            .int("pairs", m * (m - 1) / 2)
+            .int("pairs_facing", cost.form_factors)
+            .int("clear_pairs", cost.clear_pairs)
+            .int("hidden_pairs", cost.hidden_pairs)
+            .int("partial_pairs", cost.partial_pairs),
+        _ => record,
+    }
+}
+
+/// The lit one of two rooms alone, everything kept: what the two may cost.
+fn lit_room_alone(context: &mut Context) -> Result<(), Box<dyn Error>> {
+    let (two, one) = (two_rooms([true, false]), one_room());
+    let elements = mesh(&two, context.profile());
+    let strategy = Strategy { unshot: UNSHOT, omit: Omissions::ALL, ..Strategy::new(elements, Method::ANALYTIC) };
+    let (both, chosen, _) = planned(&two, &strategy)?;
+    let (alone, seconds) = by_hand(&one, &Strategy { omit: Omissions::NONE, ..chosen.clone() })?;
+    // Of two rooms wall to wall the walls between may block, by what a face alone tells; none does.
+    let counted = |run: &Run<'_>| {
+        let cost = run.cost();
+        (cost.form_factors, cost.source_evaluations, cost.rays, cost.entries, cost.flops, run.stored_bytes)
+    };
+    let sound = counted(&both) == counted(&alone);
+    let room = [0, 1, 2, 3, 4, 5];
+    let apart = difference(&irradiance(&alone, Some(&room)), &irradiance(&both, Some(&room)));
+    let record = counts(Record::new(format!("two rooms, one lit/{ALONE}")), &alone.cost())
+        .text("scene", "two rooms, one lit")
+        .text("left_out", ALONE)
+        .text("method", chosen.method.name())
+        .text("store", chosen.store.name())
+        .int("elements", alone.geometry.elements().len())
+        .int("steps", alone.solution.steps)
+        .int("stored_bytes", alone.stored_bytes)
+        .int("flops", alone.cost().flops)
+        .float("difference", apart)
+        .text("outcome", outcome(&alone, sound && apart <= EXACT));
+    context.record(record.seconds("time", seconds));
+    context.tick(ALONE);
+    Ok(())
+}
+
+/// What is recorded of one way to solve the grey room.
+struct Solved {
+    label: String,
+    strategy: Strategy,
+    cost: Cost,
+    steps: u64,
+    elements: usize,
+    outcome: Outcome,
+    /// Irradiance in the first band.
+    answer: Vec<f64>,
+    seconds: Vec<f64>,
+}
+
+impl Solved {
+    fn new(label: String, strategy: Strategy, run: &Run<'_>) -> Self {
+        let solution = &run.solution;
+        Self {
+            label,
+            strategy,
+            cost: run.cost(),
+            steps: solution.steps,
+            elements: run.geometry.elements().len(),
+            outcome: solution.outcome,
+            answer: solution.irradiance.band(0).to_vec(),
+            seconds: Vec::new(),
+        }
+    }
+}
+
+/// The grey room as the program solves it, and by hand.
+fn grey_room_by_hand(context: &mut Context, k: u32) -> Result<(), Box<dyn Error>> {
+    let grey = grey_room([3.0; 3]);
+    let materials = vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 3.0)];
+    let one_band = Scene { surfaces: grey.surfaces.clone(), materials };
+    let plain = Strategy { unshot: UNSHOT, ..Strategy::new(Subdivision::Uniform(k), Method::ANALYTIC) };
+    let picks = PICKS.map(|(store, solver)| Strategy { store, solver: solver.to_owned(), ..plain.clone() });
+    let program = Strategy { omit: Omissions::ALL, ..plain };
+    let mut ways: Vec<Solved> = Vec::new();
+    for repetition in 0..context.profile().pick(1, 7, 9) {
+        let mut keep = |n: usize, label: &dyn Fn() -> String, strategy: &Strategy, (run, seconds): (Run<'_>, f64)| {
+            if repetition == 0 {
+                ways.push(Solved::new(label(), strategy.clone(), &run));
+            }
+            ways[n].seconds.push(seconds);
+        };
+        let (run, chosen, time) = planned(&grey, &program)?;
+        keep(0, &|| PROGRAM.to_owned(), &chosen, (run, time));
+        for (n, pick) in (1..).zip(&picks) {
+            keep(n, &|| format!("{}, {}", pick.store.name(), pick.solver), pick, by_hand(&one_band, pick)?);
+        }
+    }
+    for way in &ways {
+        let apart = difference(std::slice::from_ref(&ways[0].answer), std::slice::from_ref(&way.answer));
+        let record = counts(Record::new(format!("{BY_HAND}/{k}/{}", way.label)), &way.cost)
+            .text("scene", BY_HAND)
+            .text("left_out", &way.label)
+            .text("method", way.strategy.method.name())
+            .text("store", way.strategy.store.name())
+            .text("solver", &way.strategy.solver)
+            .int("elements", way.elements)
+            .int("steps", way.steps)
+            .float("difference", apart)
+            .text("outcome", if apart <= EXACT { way.outcome.to_string() } else { "failed".to_owned() });
+        context.record(record.repetitions("time", &way.seconds));
+    }
+    context.tick(format!("{BY_HAND}, {k}"));
+    Ok(())
+}
+
+/// The median of the repetitions of a time.
+fn median(row: &Row<'_>) -> f64 {
+    row.number("time_median")
+}
+
+/// Elements, the program's median time, and the hand of the least median.
+fn against_hands(tables: &Tables) -> Vec<(f64, f64, Row<'_>)> {
+    let mut known = Vec::new();
+    for (m, rows) in group_by(tables.select_eq("scene", BY_HAND), "elements") {
+        let (program, hands): (Vec<_>, Vec<_>) = rows.into_iter().partition(|row| row.text("left_out") == PROGRAM);
+        let best = hands.into_iter().min_by(|a, b| median(a).total_cmp(&median(b)));
+        if let (Ok(m), Some(program), Some(best)) = (m.parse(), program.first(), best) {
+            known.push((m, median(program), best));
+        }
+    }
+    known
+}
+
+/// What a run took, as a share of the run of its scene that keeps everything: 1 where that took nothing.
+fn share(row: &Row<'_>, whole: &Row<'_>, column: &str) -> f64 {
+    let of = |row: &Row<'_>| if column == "time" { median(row) } else { row.number(column) };
+    if of(whole) > 0.0 { of(row) / of(whole) } else { 1.0 }
+}
+
+/// Scenes of which a plan leaves something out, with their rows: first the one that keeps everything.
+fn scenes(tables: &Tables) -> Vec<(String, Vec<Row<'_>>)> {
+    let mut scenes = group_by(tables.rows(), "scene");
+    scenes.retain(|(name, rows)| name != BY_HAND && rows.len() > 2);
+    scenes
+}
+
+impl Experiment for LeftOut {
+    fn name(&self) -> &'static str {
+        "11-left-out"
+    }
+
+    fn question(&self) -> &str {
+        "What does each exact omission save, alone and with the others, is that what was predicted, and does the answer stay?"
+    }
+
+    fn expects(&self) -> &str {
+        "Answers that differ by rounding, savings known beforehand to the last count, and a grey empty room solved as fast as by hand."
+    }
+
+    fn settings(&self, profile: Profile) -> serde_json::Value {
+        let elements = profile.pick(150, 700, 3_000);
+        serde_json::json!({ "elements": elements, "by_hand": sizes(profile), "unshot": UNSHOT, "exact": EXACT, "seed": 1 })
+    }
+
+    /// Differences are rounding alone.
+    fn slack(&self, column: &str) -> f64 {
+        if column == "difference" { EXACT } else { 0.0 }
+    }
+
+    fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
+        let (cases, sizes) = (cases()?, sizes(context.profile()));
+        context.begin(cases.len() + 1 + sizes.len());
+        for case in &cases {
+            omissions(context, case)?;
+        }
+        lit_room_alone(context)?;
+        sizes.iter().try_for_each(|&k| grey_room_by_hand(context, k))
+    }
+
+    fn plots(&self, tables: &Tables) -> Vec<Figure> {
+        let scenes = scenes(tables);
+        let bars = |name: &str, title: &str, column: &str| {
+            let names = Omission::ALL.map(|one| one.name()).into_iter().chain([EVERYTHING]);
+            let series = names.map(|left_out| {
+                let points = (0..).zip(&scenes).filter_map(|(n, (_, rows))| {
+                    let row = rows.iter().find(|row| row.text("left_out") == left_out)?;
+                    Some(Point { x: f64::from(n), y: share(row, &rows[0], column), quality: row.quality() })
+                });
+                Series::new(left_out, left_out).points(points)
+            });
+            let axis = Axis::linear("share of a run that keeps everything", "");
+            let panel = Panel::bars(scenes.iter().map(|(name, _)| name.clone()), axis).all_series(series);
+            Figure::new(name, title).caption("Each omission alone, and all of them; 1 is everything kept.").panel(panel)
+        };
+        let hands = against_hands(tables);
+        let line = |label: &str, values: Vec<(f64, f64)>| Series::new(label, label).values(values);
+        let program = line("program", hands.iter().map(|(m, program, _)| (*m, *program)).collect());
+        let best = line("best by hand", hands.iter().map(|(m, _, best)| (*m, median(best))).collect());
+        vec![
+            bars("form-factors", "Form factors left to compute", "form_factors"),
+            bars("arithmetic", "Arithmetic left to products", "flops"),
+            bars("time", "Time left", "time"),
+            Figure::new("by-hand", "An empty grey room, by the program and by hand")
+                .caption("Medians of whole runs: three equal bands as the program solves them, and one band with the best store and solver picked by hand.")
+                .panel(Panel::new(Axis::log("elements", ""), Axis::log("time", "s")).series(program).series(best)),
+        ]
+    }
+
+    fn reading(&self, tables: &Tables) -> Vec<String> {
+        let omitting = tables.select(|row| !row.text("predicted_unknowns").is_empty());
+        let sound = omitting.iter().filter(|row| row.quality() == Quality::Good).count();
+        let worst = omitting.iter().map(|row| row.number("difference")).fold(0.0, f64::max);
+        let best = scenes(tables).into_iter().filter_map(|(name, rows)| {
+            let all = rows.iter().find(|row| row.text("left_out") == EVERYTHING)?;
+            Some((share(all, &rows[0], "time"), name))
+        });
+        let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
+        let plans = omitting.iter().map(|row| row.seconds("plan_time") / row.seconds("time")).fold(0.0, f64::max);
+        let hands = against_hands(tables).into_iter().map(|(m, program, best)| {
+            format!(
+                "{} elements {:.2} × ({})",
+                numbers::grouped(m as i64),
+                program / median(&best),
+                best.text("left_out")
+            )
+        });
+        let two_rooms = tables.select(|row| row.text("left_out") == ALONE);
+        let alone =
+            two_rooms.first().map_or("?", |row| if row.quality() == Quality::Good { "those" } else { "not those" });
+        vec![
+            format!(
+                "{sound} of {} runs save what was predicted and differ from everything kept by at most {worst:.0e}; {} A plan takes at most {} of the time of a run.",
+                omitting.len(),
+                best.map_or_else(String::new, |(share, name)| format!(
+                    "most is left out of the scene {name}: {} of the time remain.",
+                    numbers::percent(share)
+                )),
+                numbers::percent(plans),
+            ),
+            format!("Counts of two rooms of which one is lit are {alone} of the lit one alone."),
+            format!("The empty grey room against the fastest pick by hand: {}.", hands.collect::<Vec<_>>().join(", ")),
+        ]
+    }
+}
