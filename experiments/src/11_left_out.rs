@@ -79,7 +79,7 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
 
 /// Elements of a scene, by longest edge: about so many whatever its faces.
 fn mesh(scene: &Scene, profile: Profile) -> Subdivision {
-    let most = profile.pick(150.0, 700.0, 3_000.0);
+    let most = profile.pick(150.0, 700.0, 2_000.0);
     Subdivision::EdgeLength((scene.area() / most).sqrt())
 }
 
@@ -389,7 +389,7 @@ impl Experiment for LeftOut {
     }
 
     fn settings(&self, profile: Profile) -> serde_json::Value {
-        let elements = profile.pick(150, 700, 3_000);
+        let elements = profile.pick(150, 700, 2_000);
         serde_json::json!({ "elements": elements, "by_hand": sizes(profile), "unshot": UNSHOT, "exact": EXACT, "seed": 1 })
     }
 
