@@ -42,8 +42,7 @@ const PIECE: usize = 16;
 
 /// What [`Thinning`] drops of the pairs of some facets.
 #[derive(Clone, Debug)]
-pub struct Thinning<'a> {
-    facets: &'a Facets,
+pub struct Thinning {
     places: Places,
     /// τ_i; 0 where nothing is dropped.
     limits: Vec<f64>,
@@ -64,27 +63,34 @@ struct Places {
     slack: Vec<f64>,
 }
 
-impl<'a> Thinning<'a> {
+impl Thinning {
     /// Drops pairs of `facets` that take at most `share` of each row's sum in all; none of those in `kept`.
     ///
     /// # Panics
     ///
     /// If `kept` does not say of every facet whether it keeps its pairs, or the share is not in (0, 1].
-    pub fn new(facets: &'a Facets, kept: &[bool], share: f64) -> Self {
+    pub fn new(facets: &Facets, kept: &[bool], share: f64) -> Self {
         let m = facets.len();
         assert_eq!(kept.len(), m, "whether each facet keeps its pairs");
         assert!(share > 0.0 && share <= 1.0, "a share of a row, not {share}");
         let places = Places::new(facets, kept);
         let (limits, spent, level) = (vec![0.0; m], vec![0.0; m], Level::best());
-        let mut thinning = Self { facets, places, limits, spent, pairs: 0, level };
+        let mut thinning = Self { places, limits, spent, pairs: 0, level };
         thinning.limits = thinning.by_rows(|i, bounds| limit(bounds, share * thinning.places.area[i]));
         let dropped: Vec<(u64, f64)> = thinning.by_rows(|i, bounds| {
             let of_row = (0..m).filter(|&j| thinning.drops(i, j, bounds[j]));
-            of_row.fold((0, 0.0), |(count, sum), j| (count + 1, sum + bounds[j]))
+            // Bounds do not know what lies behind a plane that a sphere crosses; the estimator does.
+            let paired = |j: usize| u64::from(j > i && thinning.faces(facets, i, j));
+            of_row.fold((0, 0.0), |(count, sum), j| (count + paired(j), sum + bounds[j]))
         });
-        thinning.pairs = dropped.iter().map(|(count, _)| count).sum::<u64>() / 2;
+        thinning.pairs = dropped.iter().map(|(count, _)| count).sum();
         thinning.spent = dropped.into_iter().map(|(_, sum)| sum).collect();
         thinning
+    }
+
+    /// Number of facets.
+    fn len(&self) -> usize {
+        self.limits.len()
     }
 
     /// Number of pairs that face each other and are dropped.
@@ -108,7 +114,7 @@ impl<'a> Thinning<'a> {
     ///
     /// If x or y does not fit the facets.
     pub fn missed(&self, x: Bands<'_>, y: Bands<'_>) -> BandValues {
-        let m = self.facets.len();
+        let m = self.len();
         assert_eq!((x.len(), y.len(), y.count()), (m, m, x.count()), "missed: lengths");
         let rows: Vec<Vec<f64>> = self.by_rows(|i, bounds| {
             let dropped: Vec<usize> = (0..m).filter(|&j| self.drops(i, j, bounds[j])).collect();
@@ -123,7 +129,7 @@ impl<'a> Thinning<'a> {
 
     /// `of_row(i, U_i)` of every row.
     fn by_rows<T: Send>(&self, of_row: impl Fn(usize, &[f64]) -> T + Sync) -> Vec<T> {
-        let m = self.facets.len();
+        let m = self.len();
         let of = |bounds: &mut Vec<f64>, i: usize| {
             bounds.resize(m, 0.0);
             self.bound(i, 0, bounds);
@@ -137,15 +143,15 @@ impl<'a> Thinning<'a> {
         self.level.dispatch(Fill { places: &self.places, i, first, bounds });
     }
 
-    /// Whether a pair with this bound faces each other and is dropped.
+    /// Whether a pair with this bound is dropped, if it faces each other at all.
     fn drops(&self, i: usize, j: usize, bound: f64) -> bool {
-        bound > 0.0 && bound < self.limits[i].min(self.limits[j]) && self.faces(i, j)
+        bound > 0.0 && bound < self.limits[i].min(self.limits[j])
     }
 
     /// As the estimator has it: decided by the corners where a sphere reaches below a plane.
-    fn faces(&self, i: usize, j: usize) -> bool {
-        (self.places.clears(i, j) && self.places.clears(j, i))
-            || faces(&self.facets.polygons(i)[0], &self.facets.polygons(j)[0])
+    fn faces(&self, facets: &Facets, i: usize, j: usize) -> bool {
+        let clear = self.places.clears(i, j) && self.places.clears(j, i);
+        clear || faces(&facets.polygons(i)[0], &facets.polygons(j)[0])
     }
 }
 
@@ -246,7 +252,7 @@ fn limit(bounds: &[f64], budget: f64) -> f64 {
 /// The rows of a symmetric estimator without what is dropped, which is not computed.
 pub struct ThinnedRows<'a> {
     rows: Box<dyn Rows + 'a>,
-    thinning: &'a Thinning<'a>,
+    thinning: &'a Thinning,
 }
 
 impl<'a> ThinnedRows<'a> {
@@ -255,9 +261,9 @@ impl<'a> ThinnedRows<'a> {
     /// # Panics
     ///
     /// If the rows are not symmetric, or of another number of facets.
-    pub fn new(rows: Box<dyn Rows + 'a>, thinning: &'a Thinning<'a>) -> Self {
+    pub fn new(rows: Box<dyn Rows + 'a>, thinning: &'a Thinning) -> Self {
         assert!(rows.symmetric(), "only pairs are dropped in both of their rows");
-        assert_eq!(rows.sources(), thinning.facets.len(), "rows of other facets");
+        assert_eq!(rows.sources(), thinning.len(), "rows of other facets");
         Self { rows, thinning }
     }
 

@@ -12,8 +12,8 @@
 //!
 //! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
 //! rows too. Those that hold their entries are [`Held`] and can be scaled in place, for [`crate::repair`]. [`aggregate`] sums rows and
-//! columns of elements to patches. What is *not* here: estimators, and any change of a value that nobody asked for (normalising, dropping
-//! small entries).
+//! columns of elements to patches. What is *not* here: estimators, and any change of a value that nobody asked for (normalising; small pairs are
+//! dropped by [`crate::thinning`]).
 
 mod dense;
 mod diagonal_blocks;
@@ -39,7 +39,7 @@ pub use movable::{MovableFormFactors, Source};
 pub use on_demand::{Keep, OnDemand};
 pub use packed::PackedFormFactors;
 pub use sparse::SparseFormFactors;
-pub use thinned::ThinnedFormFactors;
+pub use thinned::{GivenBack, ThinnedFormFactors};
 pub use tiles::Entry;
 
 /// A store that holds its entries, with a bound for each row, and can scale them in place.

@@ -16,15 +16,24 @@ use super::{Held, assert_factors};
 /// a closed partition parts must stay dark.
 ///
 /// *Why not otherwise*: scaling ([`crate::repair`]) changes direct light, where an error counts most, and takes tens of products; what was lost added to the diagonal
-/// gives an element its own light back instead of the mean of many. *Memory*: that of the store, 12 bytes an element and 8 a group. *Reads*: a product
+/// gives an element its own light back instead of the mean of many. *Memory*: that of the store, 12 bytes an element and 16 a group. *Reads*: a product
 /// reads the store and d once; rows are full.
 pub struct ThinnedFormFactors {
     kept: Box<dyn Held>,
+    given: GivenBack,
+}
+
+/// d and D of [`ThinnedFormFactors`].
+#[derive(Clone, Debug)]
+pub struct GivenBack {
+    /// d_i.
     given: Vec<f64>,
     /// Group of every element.
     group: Vec<u32>,
     /// 1/D of every group, 0 of one that lost nothing.
     rates: Vec<f64>,
+    /// Largest d of every group.
+    largest: Vec<f64>,
 }
 
 impl ThinnedFormFactors {
@@ -41,20 +50,34 @@ impl ThinnedFormFactors {
         let m = kept.sources();
         assert!(kept.properties().symmetric, "only pairs are dropped in both of their rows");
         assert_eq!((areas.len(), lost.len()), (m, m), "an area and a largest loss of every element");
-        let (mut given, mut cost) = (vec![0.0; m], Cost::default());
-        let ones = vec![1.0; m];
-        cost += kept.gather(Bands::new(&ones, m), BandsMut::new(&mut given, m))?;
+        let (ones, mut given) = (vec![1.0; m], vec![0.0; m]);
+        let mut cost = kept.gather(Bands::new(&ones, m), BandsMut::new(&mut given, m))?;
         given.iter_mut().zip(areas).zip(lost).for_each(|((d, area), lost)| *d = (area - *d).clamp(0.0, *lost));
         let (group, spent) = groups(&*kept)?;
         cost += spent;
-        let mut sums = vec![0.0; group.iter().map(|&g| g as usize + 1).max().unwrap_or(0)];
-        group.iter().zip(&given).for_each(|(&g, d)| sums[g as usize] += d);
+        Ok((Self { kept, given: GivenBack::new(given, group) }, cost))
+    }
+
+    /// What rows got back.
+    pub fn given(&self) -> &GivenBack {
+        &self.given
+    }
+}
+
+impl GivenBack {
+    fn new(given: Vec<f64>, group: Vec<u32>) -> Self {
+        let count = group.iter().map(|&g| g as usize + 1).max().unwrap_or(0);
+        let (mut sums, mut largest) = (vec![0.0; count], vec![0.0_f64; count]);
+        for (&g, &d) in group.iter().zip(&given) {
+            let g = g as usize;
+            (sums[g], largest[g]) = (sums[g] + d, largest[g].max(d));
+        }
         let rates = sums.into_iter().map(|sum| if sum > 0.0 { 1.0 / sum } else { 0.0 }).collect();
-        Ok((Self { kept, given, group, rates }, cost))
+        Self { given, group, rates, largest }
     }
 
     /// d_i: what each row got back.
-    pub fn given(&self) -> &[f64] {
+    pub fn areas(&self) -> &[f64] {
         &self.given
     }
 
@@ -75,7 +98,13 @@ impl ThinnedFormFactors {
     /// d_s d_t / D.
     fn exchange(&self, s: usize, t: usize) -> f64 {
         let apart = self.group[s] != self.group[t];
+        // The product of the two first: the same for (s, t) and (t, s).
         if apart { 0.0 } else { (self.given[s] * self.given[t]) * self.rates[self.group[s] as usize] }
+    }
+
+    /// Bytes held.
+    fn bytes(&self) -> u64 {
+        (12 * self.given.len() + 16 * self.rates.len()) as u64
     }
 }
 
@@ -122,15 +151,14 @@ impl FormFactors for ThinnedFormFactors {
 
     fn properties(&self) -> Properties {
         let kept = self.kept.properties();
-        let own = 12 * self.given.len() + 8 * self.rates.len();
-        Properties { stored_bytes: kept.stored_bytes + own as u64, ..kept }
+        Properties { stored_bytes: kept.stored_bytes + self.given.bytes(), ..kept }
     }
 
     fn row<'a>(&'a self, s: usize, band: usize, buf: &'a mut RowBuf) -> Result<Row<'a>, StoreError> {
         let mut own = RowBuf::default();
         let kept = self.kept.row(s, band, &mut own)?;
         buf.values.clear();
-        buf.values.extend((0..self.targets()).map(|t| self.exchange(s, t)));
+        buf.values.extend((0..self.targets()).map(|t| self.given.exchange(s, t)));
         kept.entries.for_each(|t, value| buf.values[t] += value);
         Ok(Row { entries: Entries::Dense(&buf.values), cost: kept.cost })
     }
@@ -138,10 +166,10 @@ impl FormFactors for ThinnedFormFactors {
     fn gather(&self, x: Bands<'_>, mut y: BandsMut<'_>) -> Result<Cost, StoreError> {
         let cost = self.kept.gather(x, y.reborrow())?;
         for b in 0..x.count() {
-            let means = self.means(x.band(b));
-            y.band(b).iter_mut().zip(&self.given).zip(means).for_each(|((y, d), mean)| *y += d * mean);
+            let means = self.given.means(x.band(b));
+            y.band(b).iter_mut().zip(self.given.areas()).zip(means).for_each(|((y, d), mean)| *y += d * mean);
         }
-        Ok(cost + Cost::applied(2 * self.given.len(), size_of::<f64>(), x.count()))
+        Ok(cost + Cost::applied(2 * self.sources(), size_of::<f64>(), x.count()))
     }
 
     fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
@@ -151,13 +179,21 @@ impl FormFactors for ThinnedFormFactors {
 
 impl Held for ThinnedFormFactors {
     fn bound(&self, s: usize) -> Option<f64> {
-        let largest = (0..self.targets()).map(|t| self.exchange(s, t)).fold(0.0, f64::max);
+        let given = &self.given;
+        let group = given.group[s] as usize;
+        let largest = (given.given[s] * given.largest[group]) * given.rates[group];
         self.kept.bound(s).map(|bound| bound + largest)
     }
 
     fn scale(&mut self, factors: &[f64]) {
         assert_factors(self, factors);
         self.kept.scale(factors);
-        self.given.iter_mut().zip(factors).for_each(|(d, factor)| *d *= factor);
+        let given = &mut self.given;
+        given.given.iter_mut().zip(factors).for_each(|(d, factor)| *d *= factor);
+        given.largest.fill(0.0);
+        given.group.iter().zip(&given.given).for_each(|(&g, &d)| {
+            let largest = &mut given.largest[g as usize];
+            *largest = largest.max(d);
+        });
     }
 }
