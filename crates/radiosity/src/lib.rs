@@ -8,6 +8,8 @@
 //! global state.
 
 pub mod adaptive;
+pub mod bounded;
+mod bounces;
 mod enhanced;
 pub mod errors;
 mod estimate;
@@ -23,10 +25,13 @@ mod saved;
 mod senders;
 pub mod specular_radiosity;
 mod strategy;
+mod thin;
 mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
+pub use bounces::bounces;
+pub use bounded::Bounded;
 pub use enhanced::{EnhancedRun, SpecularBy, SpecularTransport, run_enhanced};
 pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};

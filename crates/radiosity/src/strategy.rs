@@ -231,11 +231,17 @@ pub struct Strategy {
     pub seed: u64,
     /// Bytes that a run may take; it is refused before it begins if more are predicted.
     pub memory: Option<u64>,
-    /// Whether the run computes what the scene does not need as well ([`crate::plan`]), so that observers see, and counts are of, the
+    /// Whether the run computes what the scene or its error does not need as well ([`crate::plan`], [`crate::bounded`]), so that observers see, and counts are of, the
     /// whole system.
     pub keep_everything: bool,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.
     pub asked: Option<Vec<u32>>,
+    /// rms error of irradiance, relative to its level, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the full shape and a
+    /// store that holds them, and nothing elsewhere.
+    pub thin: Option<f64>,
+    /// rms error of irradiance, relative to its level, that bounces which are not followed may cause; the solver stops by it or by
+    /// `unshot`, whichever is first.
+    pub bounces: Option<f64>,
 }
 
 impl Strategy {
@@ -258,6 +264,8 @@ impl Strategy {
             memory: None,
             keep_everything: true,
             asked: None,
+            thin: None,
+            bounces: None,
         }
     }
 }

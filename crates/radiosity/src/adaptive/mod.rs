@@ -396,6 +396,7 @@ impl<'a> State<'a> {
             checked: None,
             repair: None,
             left_out: crate::plan::Savings::default(),
+            bounded: Vec::new(),
             solution,
         };
         AdaptiveRun { run, rounds: self.rounds, estimating: self.estimating, method: self.method, met }
