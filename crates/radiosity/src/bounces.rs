@@ -105,7 +105,7 @@ pub(crate) fn solve_until(
     }
 }
 
-fn omission(strategy: &Strategy, reflectance: f64, error: f64, steps: u64) -> Bounded {
+pub(crate) fn omission(strategy: &Strategy, reflectance: f64, error: f64, steps: u64) -> Bounded {
     let (some, all) = (bounces(reflectance, error), bounces(reflectance, strategy.unshot));
     // A shot is no bounce.
     let products = !matches!(strategy.solver.as_str(), "shooting" | "overshooting" | "direct" | "direct-f32");

@@ -2,8 +2,9 @@
 
 mod common;
 
+use radiosity::{Adaptive, DirectLight, Goal, Importance, assemble, run_adaptive};
 use radiosity::{Bounded, GridValues, Method, Run, Store, Strategy, run};
-use radiosity_core::Outcome;
+use radiosity_core::{Form, Outcome, StopRule, System};
 use radiosity_gallery::rooms::{black_floor, one_room, two_rooms};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
@@ -133,4 +134,77 @@ fn bounds_of_several_omissions_add() {
     assert_eq!((some.bounded.len(), some.bounded_error()), (2, Some(sum)));
     let [elements, cells] = differences(&some, &whole);
     assert!(elements <= sum && cells <= sum);
+}
+
+/// The adjoint by the light of the asked surfaces: both sides are sums of the same products, solved to 1e-14.
+#[test]
+fn what_is_asked_for_is_what_importance_makes_of_the_emission() {
+    let scene = one_room();
+    let run = run(&scene, &Strategy { keep_everything: true, ..strategy(4) }, &mut ()).unwrap();
+    let (store, _) = assemble(&run.geometry, Method::exact(1e-9, 1e-7), Form::Full, Store::Dense, 1).unwrap();
+    let (areas, e, rho) = (run.geometry.elements().areas(), run.geometry.emission(), run.geometry.reflectance());
+    let system = System::full(&*store, &areas, e.view(), rho.view()).unwrap();
+    let stop = StopRule::unshot(1e-14);
+    let asked: Vec<f64> = run.geometry.surfaces().iter().map(|&s| if s == 1 { 1.0 } else { 0.0 }).collect();
+    let (importance, _) = Importance::new(&system, &asked, "cg", &stop).unwrap();
+    for b in 0..e.count() {
+        let inner = |x: &[f64], y: &[f64]| -> f64 { areas.iter().zip(x).zip(y).map(|((a, x), y)| a * x * y).sum() };
+        let (direct, adjoint) =
+            (inner(&asked, run.solution.irradiance.band(b)), inner(importance.of_emission.band(b), e.band(b)));
+        assert!((direct / adjoint - 1.0).abs() < 1e-12, "band {b}: {direct} and {adjoint}");
+        // An error in what is asked for counts once, and by what comes back of it.
+        assert!(importance.of_irradiance.band(b).iter().zip(&asked).all(|(y, w)| y >= w));
+    }
+}
+
+/// Irradiance over the cells of some surfaces, from elements of 1/24 that all see each other.
+fn truth(scene: &Scene, asked: &[u32], divisions: u32) -> GridValues {
+    let fine = Strategy::new(Subdivision::Uniform(divisions), Method::exact(1e-7, 1e-5));
+    let fine = run(scene, &fine, &mut ()).unwrap();
+    GridValues::means(&fine.geometry, &fine.solution.irradiance, 8).unwrap().on(asked)
+}
+
+fn on(run: &Run<'_>, asked: &[u32]) -> GridValues {
+    GridValues::means(&run.geometry, &run.solution.irradiance, 8).unwrap().on(asked)
+}
+
+/// The floor of the Cornell box, or the wall behind its blocks: refinement computes fewer form factors and errs by no more there.
+#[test]
+fn refinement_for_a_wall_meets_its_tolerance_with_fewer_form_factors() {
+    let scene = common::cornell_box();
+    for asked in [vec![0], vec![2]] {
+        let truth = truth(&scene, &asked, 16);
+        for tolerance in [0.05, 0.02] {
+            let settings = Adaptive::new(Goal::Cells(8), tolerance);
+            let solver = "gauss-seidel".to_owned();
+            let all = Strategy { solver, keep_everything: false, ..Strategy::new(Subdivision::Uniform(1), Method::exact(1e-8, 1e-5)) };
+            let some = Strategy { asked: Some(asked.clone()), ..all.clone() };
+            let [all, some] = [all, some].map(|strategy| run_adaptive(&scene, &strategy, &settings).unwrap());
+            let [whole, own] = [&all, &some].map(|run| on(&run.run, &asked).error(&truth).rms);
+            let [many, few] = [&all, &some].map(|run| run.run.form_factors.cost.form_factors);
+            let estimate = some.rounds.last().unwrap().estimate.total();
+            println!("{asked:?} to {tolerance}: {few} of {many} form factors, error {own:.2e} (estimate {estimate:.2e}), {whole:.2e} of the whole");
+            assert!(some.met && own <= tolerance && estimate <= tolerance, "{asked:?}, {tolerance}: {own:e}");
+            assert!(2 * few < many, "{asked:?}, {tolerance}: {few} of {many}");
+        }
+    }
+}
+
+#[test]
+fn links_for_a_wall_are_fewer_and_err_by_what_is_estimated_there() {
+    let scene = common::cornell_box();
+    let exact = Strategy::new(Subdivision::Uniform(16), Method::exact(1e-6, 1e-5));
+    let exact = run(&scene, &Strategy { unshot: 1e-6, ..exact }, &mut ()).unwrap();
+    for asked in [vec![0], vec![2]] {
+        let store = Store::Hierarchical { error: 0.005, direct: DirectLight::WhereFew };
+        let all = Strategy { store, unshot: 1e-6, keep_everything: false, ..Strategy::new(Subdivision::Uniform(16), Method::exact(1e-6, 1e-5)) };
+        let some = Strategy { asked: Some(asked.clone()), ..all.clone() };
+        let [all, some] = [all, some].map(|strategy| run(&scene, &strategy, &mut ()).unwrap());
+        let reports = [&all, &some].map(|run| run.hierarchical.clone().unwrap());
+        let error = on(&some, &asked).error(&on(&exact, &asked)).rms;
+        let whole = on(&all, &asked).error(&on(&exact, &asked)).rms;
+        println!("{asked:?}: {} of {} links, error {error:.2e} (estimate {:.2e}), {whole:.2e} of the whole", reports[1].links, reports[0].links, reports[1].error);
+        assert!(error <= 0.005 && reports[1].error <= 0.005, "{asked:?}: {error:e}");
+        assert!(5 * reports[1].links < 4 * reports[0].links, "{asked:?}: {reports:?}");
+    }
 }

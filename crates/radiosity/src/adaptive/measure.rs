@@ -12,7 +12,14 @@
 //!
 //! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
 //! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
-//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. The total adds
+//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums over elements and ⟨H⟩ are theirs alone,
+//! and probes are spread evenly over A Y, the area by importance ([`crate::Importance`]), which has the reflections towards them in it:
+//!
+//! ```text
+//! senders²       a Σ A Y / A_W ⟨δ²⟩              = a² ⟨δ²⟩ if all are asked for
+//! ```
+//!
+//! The total adds
 //! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and shadows that no element has seen.
 
 use radiosity_core::{BandValues, Form, Solution, StoreError};
@@ -23,6 +30,7 @@ use rayon::prelude::*;
 use super::variation::Variation;
 use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
+use crate::importance::is_asked;
 use crate::{Method, RunError};
 
 /// Probes, and rays of each: few tell what senders cost, in which their noise cancels, more what that of other rows is.
@@ -50,10 +58,19 @@ impl ErrorEstimate {
     }
 }
 
-/// ⟨H⟩ over the area of the scene and the bands, and that area.
-pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
+/// Areas of the elements that are asked for, 0 for the others.
+pub(super) fn asked_areas(state: &State<'_>) -> Vec<f64> {
     let areas = state.geometry.elements().areas();
-    let total: f64 = state.geometry.mesh().areas().iter().sum();
+    areas.into_iter().zip(state.is_asked()).map(|(area, asked)| if asked { area } else { 0.0 }).collect()
+}
+
+/// ⟨H⟩ over the area that is asked for and the bands, and that area.
+pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
+    let areas = asked_areas(state);
+    let mesh = state.geometry.mesh();
+    let surfaces: Vec<u32> = mesh.elements.iter().map(|element| element.surface).collect();
+    let asked = is_asked(state.asked.as_deref(), &surfaces);
+    let total: f64 = mesh.areas().iter().zip(asked).filter(|(_, asked)| *asked).map(|(area, _)| area).sum();
     let sum: f64 = (0..h.count()).flat_map(|b| areas.iter().zip(h.band(b)).map(|(a, h)| a * h)).sum();
     (sum / (h.count() as f64 * total), total)
 }
@@ -71,11 +88,11 @@ fn cell_areas(state: &State<'_>, k: u32) -> Vec<f64> {
 pub(super) fn measure(
     state: &State<'_>,
     solved: &Solution,
-    variation: &Variation,
+    (variation, worth): (&Variation, Option<&[f64]>),
     adaptive: &Adaptive,
     seed: u64,
 ) -> Result<ErrorEstimate, RunError> {
-    let areas = state.geometry.elements().areas();
+    let (areas, asked) = (state.geometry.elements().areas(), asked_areas(state));
     let (level, total) = level(state, &solved.irradiance);
     if level == 0.0 {
         return Ok(ErrorEstimate { solver: Some(0.0), ..ErrorEstimate::default() });
@@ -86,17 +103,25 @@ pub(super) fn measure(
     };
     let shown = |e: usize| cells.as_ref().map_or(1.0, |cells| (1.0 - cells[e] * (1.0 + 1e-9) / areas[e]).max(0.0));
     let averaged = |e: usize| cells.as_ref().map_or(1.0, |cells| (areas[e] / cells[e]).min(1.0));
-    let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| areas[e] * square * shown(e)).sum();
+    let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| asked[e] * square * shown(e)).sum();
 
     let emitted: f64 = power(&areas, &state.geometry.emission());
     let reflected = power(&areas, &solved.radiosity) / emitted;
     let noisy = !matches!(state.method, Method::Analytic { .. });
     let elements = (inside / total).sqrt() / level;
     let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
-    let probed = probe(state, solved, variation, (rays, seed), &averaged)?;
+    let counted: Vec<f64> = match worth {
+        Some(worth) => areas.iter().zip(worth).map(|(area, worth)| area * worth).collect(),
+        None => areas.clone(),
+    };
+    let probed = probe(state, solved, (variation, &counted), (rays, seed), &averaged)?;
+    let reach = match worth {
+        Some(_) => reflected * counted.iter().sum::<f64>() / asked.iter().sum::<f64>(),
+        None => reflected * reflected,
+    };
     Ok(ErrorEstimate {
         elements,
-        senders: reflected * probed.senders.sqrt() / level,
+        senders: (reach * probed.senders).sqrt() / level,
         form_factors: noisy.then(|| probed.rows.sqrt() / level),
         solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
     })
@@ -116,12 +141,12 @@ struct Probed {
 fn probe(
     state: &State<'_>,
     solved: &Solution,
-    variation: &Variation,
+    (variation, counted): (&Variation, &[f64]),
     (rays, seed): (u32, u64),
     averaged: &(dyn Fn(usize) -> f64 + Sync),
 ) -> Result<Probed, RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
-    let probes = spread_over(&geometry.elements().areas());
+    let probes = spread_over(counted);
     let mut sources = Facets::new();
     probes.iter().for_each(|&e| sources.push(geometry.elements().polygons(e).to_vec(), false));
 
