@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
+use radiosity::bounded::{Bounded, foreseen};
 use radiosity::plan::{Off, Savings};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
@@ -42,6 +43,9 @@ const CELLS: u32 = 4;
 
 /// Rays of a row of form factors by way of specular surfaces.
 pub const SPECULAR_RAYS: u32 = 4096;
+
+/// Part of a tolerance that dropped pairs may take, and bounces that are not followed.
+const SHARE: f64 = 0.1;
 
 /// Estimated error at which a solver that samples stops if nothing is asked for.
 const SAMPLED_ERROR: f64 = 1e-2;
@@ -143,7 +147,9 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     strategy.check()?;
     if args.common.dry_run {
         let savings = plan.left_out(&geometry, &strategy);
-        return Ok(dry_run(args, &geometry, &strategy, None, &savings, program));
+        // Refinement makes meshes of its own.
+        let bounded = if args.tolerance.is_none() { foreseen(&plan, &geometry, &strategy) } else { Vec::new() };
+        return Ok(dry_run(args, &geometry, &strategy, None, (&savings, &bounded), program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
@@ -203,7 +209,7 @@ fn after_change(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Ve
     finish_strategy(&mut strategy, args, blocking);
     strategy.check()?;
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, None, &Savings::default(), program));
+        return Ok(dry_run(args, &geometry, &strategy, None, (&Savings::default(), &[]), program));
     }
     drop(geometry);
     let first = Solved::new(&before.scene, &strategy, &mut ()).map_err(memory::explained)?;
@@ -243,6 +249,7 @@ fn to_tolerance<'a>(
     tolerance: f64,
 ) -> Result<(Run<'a>, Way<'static>), RunError> {
     let report_grid = args.report_grid.unwrap_or(REPORT_GRID);
+    strategy.keep_everything = args.plan.keep_everything;
     let mut gathering = Strategy { shape: Shape::ElementsToPatches, ..strategy.clone() };
     if args.solver.is_none() {
         "gauss-seidel".clone_into(&mut gathering.solver);
@@ -283,7 +290,7 @@ fn on_saved(args: &SolveArgs, imported: &Imported, path: &Path) -> Result<Verdic
     finish_strategy(&mut strategy, args, geometry.blockers().len());
     let file = FromFile { path: path.to_owned(), rows, beside };
     if args.common.dry_run {
-        return Ok(dry_run(args, &geometry, &strategy, Some(&file), &Savings::default(), program));
+        return Ok(dry_run(args, &geometry, &strategy, Some(&file), (&Savings::default(), &[]), program));
     }
     let run = run_saved(geometry, &file.rows, &strategy, &mut ()).map_err(memory::explained)?;
     finish(args, imported, &strategy, Some(&file), &run, Way::Straight)
@@ -312,6 +319,9 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
             strategy.shape = Shape::TwoLevel;
         }
     }
+    let share = args.tolerance.map(|tolerance| SHARE * tolerance);
+    strategy.thin = args.thin_error.or(share);
+    strategy.bounces = args.bounce_error.or(share.filter(|_| args.unshot.is_none()));
     strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
@@ -320,12 +330,13 @@ fn dry_run(
     geometry: &Geometry<'_>,
     strategy: &Strategy,
     file: Option<&FromFile>,
-    savings: &Savings,
+    (savings, bounded): (&Savings, &[Bounded]),
     program: u64,
 ) -> Verdict {
     let (mut object, line) = prediction(geometry, strategy, file, program);
-    object["left_out"] = plan::json(savings);
-    let lines: Vec<String> = std::iter::once(line).chain(plan::lines(savings)).collect();
+    object["left_out"] = plan::with_bounded(plan::json(savings), bounded);
+    let lines = std::iter::once(line).chain(plan::lines(savings)).chain(bounded.iter().map(plan::bounded_line));
+    let lines: Vec<String> = lines.collect();
     output::print(&args.common, &object, &lines);
     Verdict::Done
 }
@@ -345,10 +356,12 @@ fn finish(
     }
     let mut object = report(strategy, file, run);
     object["scene"] = output::import(&imported.report);
-    object["left_out"] = plan::json(&run.left_out);
+    object["left_out"] = plan::with_bounded(plan::json(&run.left_out), &run.bounded);
+    object["left_out_error"] = run.bounded_error().into();
     object["plan_off"] = plan_off(strategy, file, &way).into();
     let mut lines = summary(strategy, file, run);
     lines.extend(plan::lines(&run.left_out));
+    lines.extend(plan::bounded_lines(run));
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight => {}
@@ -397,6 +410,8 @@ fn plan_off(strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Opti
         _ if file.is_some() => Some("form factors are given".to_owned()),
         Way::Straight => Off::of(strategy).map(|off| off.to_string()),
         Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
+        // What is not asked for is refined by what it matters.
+        Way::Refined(Refinement::Adaptive(..)) if strategy.asked.is_some() && !strategy.keep_everything => None,
         Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
         Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
     }
@@ -545,7 +560,8 @@ impl Refinement {
         match self {
             Self::Adaptive(rounds, met) => (rounds.last().map_or(f64::NAN, |round| round.estimate.total()), *met),
             Self::Uniform(steps, met) => {
-                (steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms), *met)
+                let with = |s: &ToleranceStep| s.difference.as_ref().map(|d| d.rms + s.left_out);
+                (steps.last().and_then(with).unwrap_or(f64::NAN), *met)
             }
         }
     }
@@ -582,6 +598,7 @@ fn step_json(step: &ToleranceStep) -> Value {
         "subdivision": step.subdivision,
         "elements": step.elements,
         "difference": step.difference.as_ref().map(output::error),
+        "left_out_error": step.left_out,
     })
 }
 

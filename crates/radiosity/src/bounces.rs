@@ -17,7 +17,7 @@ use radiosity_core::{BandValues, Bands, Direction, Observer, Solution, StopRule,
 
 use crate::bounded::{Bounded, Missed, largest, norm, relative};
 use crate::run::{named, stop_rule};
-use crate::{RunError, Strategy};
+use crate::{Geometry, RunError, Shape, Strategy};
 
 /// By how much the unshot share falls where the solver stopped too early.
 const FALL: f64 = 4.0;
@@ -103,6 +103,13 @@ pub(crate) fn solve_until(
         unshot = (unshot / FALL).max(strategy.unshot);
         done = Some(solution);
     }
+}
+
+/// What a run of `strategy` on `geometry` will not follow, before anything is computed.
+pub(crate) fn foreseen(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Bounded> {
+    let error = strategy.leaves_bounces().filter(|_| strategy.shape != Shape::TwoLevel)?;
+    let rho = largest(&geometry.reflectance()).into_iter().fold(0.0, f64::max);
+    Some(Bounded { measured: None, ..omission(strategy, rho, error, 0) })
 }
 
 pub(crate) fn omission(strategy: &Strategy, reflectance: f64, error: f64, steps: u64) -> Bounded {

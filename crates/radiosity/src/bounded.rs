@@ -4,9 +4,9 @@
 //!
 //! | left out | setting | file |
 //! |---|---|---|
-//! | pairs too small to matter | [`Strategy::thin`](crate::Strategy) | `thin.rs` |
-//! | bounces of light too weak to matter | [`Strategy::bounces`](crate::Strategy) | `bounces.rs` |
-//! | refinement that what is asked for does not see | [`Strategy::asked`](crate::Strategy) | `importance.rs` |
+//! | pairs too small to matter | [`Strategy::thin`] | `thin.rs` |
+//! | bounces of light too weak to matter | [`Strategy::bounces`] | `bounces.rs` |
+//! | refinement that what is asked for does not see | [`Strategy::asked`] | `importance.rs` |
 //!
 //! Of the first two the bound is known before (`prior`, from reflectances alone) and sharper afterwards (`bound`, from the answer). Bounds of several add. The third is part of
 //! the estimate that refinement stops by, and has none of its own. Norms are area-weighted root mean squares,
@@ -16,11 +16,11 @@
 //! ```
 //!
 //! in all bands together; the second is the measure of a report, whose means over cells make it no larger. Nothing is left out where
-//! [`Strategy::keep_everything`](crate::Strategy) is set.
+//! [`Strategy::keep_everything`] is set.
 
 use radiosity_core::{BandValues, Cost, System};
 
-use crate::{Geometry, RunError};
+use crate::{Geometry, Plan, RunError, Strategy, bounces, thin};
 
 /// A bounded omission.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +39,11 @@ pub struct Bounded {
     pub prior: f64,
     /// Bound of the rms change of irradiance relative to its mean level, after the solution; `None` if there is none.
     pub bound: Option<f64>,
+}
+
+/// What a run of `strategy` by `plan` on the mesh that it made will leave out within the errors allowed, before anything is computed.
+pub fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy) -> Vec<Bounded> {
+    thin::foreseen(plan, geometry, strategy).into_iter().chain(bounces::foreseen(geometry, strategy)).collect()
 }
 
 /// A bounded omission and a vector that bounds |H − H*|, or has the norm of such a vector.

@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use crate::estimate::analytic;
 use crate::predict::admit_links;
-use crate::importance::{Importance, is_asked, weights};
+use crate::importance::{Importance, is_asked, largest_of, weights};
 use crate::run::{Made, named, stop_rule};
 use crate::strategy::partial_among;
 use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
@@ -108,7 +108,7 @@ pub(crate) fn solve_by_links(
     if let Some(asked) = &asked {
         let lamps = BandValues::new(asked.repeat(reflectance.count()), asked.len());
         let guess = Guess::new(&areas, &lamps, &reflectance, None);
-        brightness = brightness.worth(&hierarchy, &worth(&guess.sent, &areas, &counted));
+        brightness = brightness.worth(&hierarchy, &worth(largest_of(&guess.sent), &areas, &counted));
     }
     let admitted = |links: &Links| admit_links(geometry, strategy, links.len());
     let coarse = COARSE_LINKS * error;
@@ -133,7 +133,7 @@ pub(crate) fn solve_by_links(
             let (found, solved) = Importance::new(&system, asked, &strategy.solver, &stop)?;
             solution.cost += solved.cost;
             solution.time += solved.time;
-            importance = Some(worth(&found.of_irradiance, &areas, &counted));
+            importance = Some(worth(largest_of(&found.of_irradiance), &areas, &counted));
         }
         // Only where the solver goes on from is kept.
         solution.irradiance = BandValues::zeros(0, 0);
@@ -283,11 +283,12 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     (all, costs.into_iter().sum())
 }
 
-/// What the square of an error on each element counts where only some area is asked for: the largest of its importances Y in any band, over the share of what is asked for,
-/// so that sums over all area are means over that.
-fn worth(y: &BandValues, areas: &[f64], counted: &[f64]) -> Vec<f64> {
-    let scale = areas.iter().sum::<f64>() / counted.iter().sum::<f64>();
-    (0..y.len()).map(|e| scale * (0..y.count()).map(|b| y.band(b)[e]).fold(0.0, f64::max)).collect()
+/// What the square of an error on each element counts where only some area is asked for: its importance Y, in the band in which that is largest, relative to the mean over what is
+/// asked for, since the error of links is counted without its reflections; and over the share of what is asked for, so that sums over all area are means over that.
+fn worth(y: Vec<f64>, areas: &[f64], counted: &[f64]) -> Vec<f64> {
+    let asked: f64 = y.iter().zip(counted).map(|(y, area)| y * area).sum();
+    let scale = areas.iter().sum::<f64>() / asked;
+    y.into_iter().map(|y| scale * y).collect()
 }
 
 /// What elements may send, before anything is solved.

@@ -33,6 +33,11 @@ pub struct Importance {
     pub of_emission: BandValues,
 }
 
+/// The largest value of any band, element by element.
+pub(crate) fn largest_of(y: &BandValues) -> Vec<f64> {
+    (0..y.len()).map(|e| (0..y.count()).map(|b| y.band(b)[e]).fold(0.0, f64::max)).collect()
+}
+
 impl Importance {
     /// The importances for `asked`, W of every element and at least 0, and the solution they came from.
     ///
@@ -60,12 +65,6 @@ impl Importance {
         let mut of_emission = BandValues::zeros(system.bands(), asked.len());
         solved.cost += adjoint.irradiance(Direction::Gather, solved.radiosity.view(), of_emission.view_mut())?;
         Ok((Self { of_irradiance: solved.radiosity.clone(), of_emission }, solved))
-    }
-
-    /// Y of the band in which it is largest, element by element.
-    pub fn largest(&self) -> Vec<f64> {
-        let y = &self.of_irradiance;
-        (0..y.len()).map(|e| (0..y.count()).map(|b| y.band(b)[e]).fold(0.0, f64::max)).collect()
     }
 }
 

@@ -28,6 +28,7 @@ use radiosity_form_factors::{Rows, ThinnedRows, Thinning};
 
 use crate::bounded::{Bounded, FORM_FACTORS, Missed, largest, norm};
 use crate::estimate::Filled;
+use crate::plan::{Plan, Role};
 use crate::run::{Known, fill_checked, named};
 use crate::{Geometry, Method, RunError, Shape, Store, Strategy};
 
@@ -127,6 +128,41 @@ impl Thinned {
     }
 }
 
+fn omission(pairs: u64, prior: f64) -> Bounded {
+    Bounded {
+        reason: "a row loses no more than the error asked for allows, and gets its sum back if the scene is closed",
+        what: format!("{pairs} pairs too small to matter"),
+        counted: FORM_FACTORS,
+        predicted: pairs,
+        measured: None,
+        prior,
+        bound: None,
+    }
+}
+
+/// What a run of `strategy` by `plan` on the mesh it made will drop, before anything is computed.
+pub(crate) fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Bounded> {
+    let error = strategy.thins()?;
+    let of = |part: &Geometry<'_>| {
+        let (delta, prior) = share(part, error);
+        (Thinning::new(part.elements(), &emits(part), delta).pairs(), prior)
+    };
+    let all = if plan.omits() {
+        let surfaces = geometry.surfaces();
+        let of_room = |room: u32| {
+            let sends = |s: usize| plan.room[s] == room && plan.roles[s] == Role::Exchanges;
+            let own: Vec<u32> =
+                (0..surfaces.len() as u32).filter(|&e| sends(surfaces[e as usize] as usize)).collect();
+            of(&geometry.part(&own, &plan.bands.solved, plan.keeps_rows()))
+        };
+        plan.lit_rooms().into_iter().map(of_room).collect()
+    } else {
+        vec![of(geometry)]
+    };
+    let (pairs, prior) = all.into_iter().fold((0, 0.0_f64), |(n, most), (pairs, prior)| (n + pairs, most.max(prior)));
+    Some(omission(pairs, prior))
+}
+
 /// What all dropped pairs change of an answer with radiosity `b`, and what finding that took.
 pub(crate) fn missed(
     system: &System<'_>,
@@ -140,15 +176,7 @@ pub(crate) fn missed(
     if thinned.is_empty() {
         return Ok((None, Cost::default()));
     }
-    let omission = Bounded {
-        reason: "a row loses no more than the error asked for allows, and gets its sum back if the scene is closed",
-        what: format!("{pairs} pairs too small to matter"),
-        counted: FORM_FACTORS,
-        predicted: pairs,
-        measured: Some(pairs),
-        prior: most(&|thinned| thinned.prior),
-        bound: None,
-    };
+    let omission = Bounded { measured: Some(pairs), ..omission(pairs, most(&|thinned| thinned.prior)) };
     let mut g = BandValues::zeros(system.bands(), areas.len());
     thinned.iter().for_each(|thinned| thinned.missing(areas, b, &mut g));
     let (sigma, mut cost) = norm(system)?;

@@ -13,10 +13,10 @@
 //! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
 //! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
 //! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums over elements and ⟨H⟩ are theirs alone,
-//! and probes are spread evenly over A Y, the area by importance ([`crate::Importance`]), which has the reflections towards them in it:
+//! and what errs elsewhere counts by its importance Y to them ([`crate::Importance`]); half of the probes are theirs, half spread evenly over A (Y − W):
 //!
 //! ```text
-//! senders²       a Σ A Y / A_W ⟨δ²⟩              = a² ⟨δ²⟩ if all are asked for
+//! senders        ⟨δ²⟩_W^½ + ( (a − 1) Σ A (Y − W) / A_W ⟨δ²⟩_(Y−W) )^½      = a ⟨δ²⟩^½ if all are asked for
 //! ```
 //!
 //! The total adds
@@ -110,19 +110,25 @@ pub(super) fn measure(
     let noisy = !matches!(state.method, Method::Analytic { .. });
     let elements = (inside / total).sqrt() / level;
     let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
-    let counted: Vec<f64> = match worth {
-        Some(worth) => areas.iter().zip(worth).map(|(area, worth)| area * worth).collect(),
-        None => areas.clone(),
+    // What is asked for, and what it sees by its importance.
+    let indirect: Option<Vec<f64>> = worth.map(|worth| {
+        let beyond = areas.iter().zip(&asked).zip(worth).map(|((area, asked), worth)| area * worth - asked);
+        beyond.map(|area| area.max(0.0)).collect()
+    });
+    let share = |weights: &[f64]| weights.iter().sum::<f64>() / asked.iter().sum::<f64>();
+    let (probes, far) = match &indirect {
+        None => (spread_over(&areas, PROBES), Vec::new()),
+        Some(weights) => (spread_over(&asked, PROBES / 2), spread_over(weights, PROBES / 2)),
     };
-    let probed = probe(state, solved, (variation, &counted), (rays, seed), &averaged)?;
-    let reach = match worth {
-        Some(_) => reflected * counted.iter().sum::<f64>() / asked.iter().sum::<f64>(),
-        None => reflected * reflected,
+    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), &averaged)?;
+    let senders = match &indirect {
+        None => reflected * near.senders.sqrt(),
+        Some(weights) => near.senders.sqrt() + ((reflected - 1.0).max(0.0) * share(weights) * far.senders).sqrt(),
     };
     Ok(ErrorEstimate {
         elements,
-        senders: (reach * probed.senders).sqrt() / level,
-        form_factors: noisy.then(|| probed.rows.sqrt() / level),
+        senders: senders / level,
+        form_factors: noisy.then(|| near.rows.sqrt() / level),
         solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
     })
 }
@@ -132,7 +138,8 @@ fn power(areas: &[f64], x: &BandValues) -> f64 {
     (0..x.count()).flat_map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x)).sum()
 }
 
-/// Mean squares over the probes and bands.
+/// Mean squares over some probes and the bands.
+#[derive(Default)]
 struct Probed {
     senders: f64,
     rows: f64,
@@ -141,12 +148,12 @@ struct Probed {
 fn probe(
     state: &State<'_>,
     solved: &Solution,
-    (variation, counted): (&Variation, &[f64]),
+    (variation, groups): (&Variation, [&Vec<usize>; 2]),
     (rays, seed): (u32, u64),
     averaged: &(dyn Fn(usize) -> f64 + Sync),
-) -> Result<Probed, RunError> {
+) -> Result<[Probed; 2], RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
-    let probes = spread_over(counted);
+    let probes = groups.map(|group| &group[..]).concat();
     let mut sources = Facets::new();
     probes.iter().for_each(|&e| sources.push(geometry.elements().polygons(e).to_vec(), false));
 
@@ -191,16 +198,20 @@ fn probe(
     };
     let done: Result<Vec<[f64; 2]>, StoreError> = (0..probes.len()).into_par_iter().map(squares).collect();
     let done = done?;
-    let mean = |which: usize| done.iter().map(|s| s[which]).sum::<f64>() / (done.len() * b.count()) as f64;
-    Ok(Probed { senders: mean(0), rows: mean(1) })
+    let (near, far) = done.split_at(groups[0].len());
+    let of_group = |of: &[[f64; 2]]| {
+        let mean = |which: usize| of.iter().map(|s| s[which]).sum::<f64>() / (of.len() * b.count()) as f64;
+        if of.is_empty() { Probed::default() } else { Probed { senders: mean(0), rows: mean(1) } }
+    };
+    Ok([of_group(near), of_group(far)])
 }
 
-/// Elements at equal steps of the area, each once.
-fn spread_over(areas: &[f64]) -> Vec<usize> {
+/// At most `count` elements at equal steps of the area, each once.
+fn spread_over(areas: &[f64], count: usize) -> Vec<usize> {
     let total: f64 = areas.iter().sum();
-    let (mut found, mut before) = (Vec::with_capacity(PROBES), 0.0);
+    let (mut found, mut before) = (Vec::with_capacity(count), 0.0);
     for (e, area) in areas.iter().enumerate() {
-        let at = |area: f64| (area / total * PROBES as f64 - 0.5).ceil();
+        let at = |area: f64| (area / total * count as f64 - 0.5).ceil();
         if at(before + area) > at(before) {
             found.push(e);
         }

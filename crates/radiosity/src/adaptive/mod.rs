@@ -35,7 +35,7 @@ use radiosity_geometry::{Facets, Scene};
 use crate::estimate::{build, patch_rows};
 use crate::bounded::{Bounded, largest};
 use crate::bounces::omission;
-use crate::importance::{Importance, is_asked, weights};
+use crate::importance::{Importance, is_asked, largest_of, weights};
 use crate::run::named;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
 
@@ -367,7 +367,7 @@ impl<'a> State<'a> {
         let (importance, solved) = Importance::new(&system, &weights(&self.is_asked()), &strategy.solver, &stop)?;
         self.solving.cost += solved.cost;
         self.solving.time += solved.time;
-        Ok(Some(importance.largest()))
+        Ok(Some(largest_of(&importance.of_irradiance)))
     }
 
     /// What to cut, or `None` if nothing can be cut that would help.
