@@ -123,7 +123,8 @@ fn pairs_and_bounces_within_an_error_are_left_out_with_their_bounds() {
     let sum = found.iter().map(|found| found.1).sum::<f64>();
     assert_eq!(some["left_out_error"].as_f64(), Some(sum));
     let computed = |object: &Value| object["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
-    let dropped = some["left_out"].as_array().unwrap().iter().find_map(|left| left["measured"]["form factors"].as_u64());
+    let dropped =
+        some["left_out"].as_array().unwrap().iter().find_map(|left| left["measured"]["form factors"].as_u64());
     let foreseen = object(&folder, &format!("{solve} no.csv --thin-error 0.1 --bounce-error 0.01 --dry-run"));
     let first = &foreseen["left_out"].as_array().unwrap()[foreseen["left_out"].as_array().unwrap().len() - 2];
     assert_eq!((first["predicted"]["form factors"].as_u64(), &first["measured"]), (dropped, &Value::Null));
@@ -131,7 +132,8 @@ fn pairs_and_bounces_within_an_error_are_left_out_with_their_bounds() {
     // Column 10 is the irradiance of the first band; areas are in column 6.
     let (some, all) = (table(&folder, "some.csv"), table(&folder, "all.csv"));
     let area: f64 = all.iter().map(|row| row[6]).sum();
-    let square: f64 = some.iter().zip(&all).flat_map(|(a, b)| (10..13).map(move |k| b[6] * (a[k] - b[k]).powi(2))).sum();
+    let square: f64 =
+        some.iter().zip(&all).flat_map(|(a, b)| (10..13).map(move |k| b[6] * (a[k] - b[k]).powi(2))).sum();
     let mean = all.iter().flat_map(|row| row[10..13].iter().map(|h| row[6] * h)).sum::<f64>() / (3.0 * area);
     assert!((square / (3.0 * area)).sqrt() / mean <= sum);
     let kept = object(&folder, &format!("{solve} kept.csv --thin-error 0.1 --bounce-error 0.01 --keep-everything"));
@@ -150,11 +152,18 @@ fn a_tolerance_of_some_faces_is_refined_for_them_alone() {
     assert_eq!((&some["plan_off"], &some["refinement"]["met"]), (&Value::Null, &true.into()));
     let computed = |object: &Value| object["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
     assert!(2 * computed(&some) < computed(&all));
-    let asked = some["left_out"].as_array().unwrap().iter().find(|left| left["what"].as_str().unwrap().contains("not asked for"));
+    let asked = some["left_out"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|left| left["what"].as_str().unwrap().contains("not asked for"));
     assert!(asked.unwrap()["predicted"]["rows"].as_u64().unwrap() > 0);
     assert!(table(&folder, "some.csv").iter().all(|row| row[0] == 0.0));
     // Of the full form: by successive meshes, with pairs dropped in addition.
-    let full = object(&folder, "solve scene.obj --method analytic --tolerance 0.1 --ask 0,1 --store packed --solver cg --json");
+    let full = object(
+        &folder,
+        "solve scene.obj --method analytic --tolerance 0.1 --ask 0,1 --store packed --solver cg --json",
+    );
     assert!(full["refinement"]["kind"] == "uniform" && full["refinement"]["met"] == true);
     assert!(full["left_out_error"].as_f64().unwrap() > 0.0);
 }

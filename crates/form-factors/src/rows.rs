@@ -228,13 +228,7 @@ pub trait Rows: Sync {
     /// # Errors
     ///
     /// As [`Self::row`].
-    fn row_of(
-        &self,
-        s: usize,
-        first: usize,
-        wanted: &[bool],
-        values: &mut [f64],
-    ) -> Result<(Cost, f64), StoreError> {
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         let spent = self.row(s, values)?;
         let unwanted = values.iter_mut().zip(wanted).enumerate().filter(|(t, (_, wanted))| *t < first || !**wanted);
         unwanted.for_each(|(_, (value, _))| *value = 0.0);
@@ -286,13 +280,7 @@ impl<R: Rows + ?Sized> Rows for &R {
         (**self).upper_row(s, values)
     }
 
-    fn row_of(
-        &self,
-        s: usize,
-        first: usize,
-        wanted: &[bool],
-        values: &mut [f64],
-    ) -> Result<(Cost, f64), StoreError> {
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).row_of(s, first, wanted, values)
     }
 
@@ -436,13 +424,7 @@ impl<P: Pairwise> Rows for PairwiseRows<'_, P> {
         self.fill(s, 0, None, values)
     }
 
-    fn row_of(
-        &self,
-        s: usize,
-        first: usize,
-        wanted: &[bool],
-        values: &mut [f64],
-    ) -> Result<(Cost, f64), StoreError> {
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         values[..first].fill(0.0);
         self.fill(s, first, Some(wanted), values)
     }

@@ -210,7 +210,8 @@ impl WithSimd for Fill<'_> {
         let [x, y, z] = [0, 1, 2].map(|k| &places.centre[k][run.clone()]);
         let [u, v, w] = [0, 1, 2].map(|k| &places.normal[k][run.clone()]);
         let (radius, area, slack) = (&places.radius[run.clone()], &places.area[run.clone()], &places.slack[run]);
-        let ([xi, yi, zi], [ui, vi, wi]) = ([0, 1, 2].map(|k| places.centre[k][i]), [0, 1, 2].map(|k| places.normal[k][i]));
+        let ([xi, yi, zi], [ui, vi, wi]) =
+            ([0, 1, 2].map(|k| places.centre[k][i]), [0, 1, 2].map(|k| places.normal[k][i]));
         let (radius_i, area_i, slack_i) = (places.radius[i], places.area[i], places.slack[i]);
         for k in 0..bounds.len() {
             let (dx, dy, dz) = (x[k] - xi, y[k] - yi, z[k] - zi);

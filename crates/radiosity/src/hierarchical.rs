@@ -14,7 +14,7 @@
 //! estimate is what was asked for, and the solver goes on from the first answer. The threshold falls in small steps: what is refined beyond
 //! need cannot be taken back, and a step costs no more than a look at every link and the links it makes.
 //!
-//! Where only some surfaces are asked for, ε² of a link counts by the importance of its receiver to them ([`Importance`]), guessed like x at first and
+//! Where only some surfaces are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
 //! solved for on the coarse links; the error is that of their irradiance, relative to its mean.
 
 use std::sync::Arc;
@@ -27,8 +27,8 @@ use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, 
 use rayon::prelude::*;
 
 use crate::estimate::analytic;
-use crate::predict::admit_links;
 use crate::importance::{Importance, is_asked, largest_of, weights};
+use crate::predict::admit_links;
 use crate::run::{Made, named, stop_rule};
 use crate::strategy::partial_among;
 use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
@@ -283,12 +283,18 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     (all, costs.into_iter().sum())
 }
 
-/// What the square of an error on each element counts where only some area is asked for: its importance Y, in the band in which that is largest, relative to the mean over what is
-/// asked for, since the error of links is counted without its reflections; and over the share of what is asked for, so that sums over all area are means over that.
+/// What the square of an error on each element counts where only the area A_W is asked for, by its importance Y in the band in which that is largest:
+///
+/// ```text
+/// (Y/⟨Y⟩_W)² Σ A / A_W
+/// ```
+///
+/// Errors of links hardly depend on each other, so that those of nodes add by squares, and one that reaches the asked area evenly is worth (A_p Y ε)²/A_W ≤ A_p Y² ε²
+/// there. Relative to what is asked for, since errors of links are counted without their reflections; and over its share, so that sums over all area are means over that.
 fn worth(y: Vec<f64>, areas: &[f64], counted: &[f64]) -> Vec<f64> {
-    let asked: f64 = y.iter().zip(counted).map(|(y, area)| y * area).sum();
-    let scale = areas.iter().sum::<f64>() / asked;
-    y.into_iter().map(|y| scale * y).collect()
+    let (asked, total) = (counted.iter().sum::<f64>(), areas.iter().sum::<f64>());
+    let mean = y.iter().zip(counted).map(|(y, area)| y * area).sum::<f64>() / asked;
+    y.into_iter().map(|y| (y / mean).powi(2) * total / asked).collect()
 }
 
 /// What elements may send, before anything is solved.

@@ -8,8 +8,8 @@
 //! global state.
 
 pub mod adaptive;
-pub mod bounded;
 mod bounces;
+pub mod bounded;
 mod enhanced;
 pub mod errors;
 mod estimate;

@@ -151,8 +151,7 @@ pub(crate) fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy
         let surfaces = geometry.surfaces();
         let of_room = |room: u32| {
             let sends = |s: usize| plan.room[s] == room && plan.roles[s] == Role::Exchanges;
-            let own: Vec<u32> =
-                (0..surfaces.len() as u32).filter(|&e| sends(surfaces[e as usize] as usize)).collect();
+            let own: Vec<u32> = (0..surfaces.len() as u32).filter(|&e| sends(surfaces[e as usize] as usize)).collect();
             of(&geometry.part(&own, &plan.bands.solved, plan.keeps_rows()))
         };
         plan.lit_rooms().into_iter().map(of_room).collect()
@@ -180,7 +179,8 @@ pub(crate) fn missed(
     let mut g = BandValues::zeros(system.bands(), areas.len());
     thinned.iter().for_each(|thinned| thinned.missing(areas, b, &mut g));
     let (sigma, mut cost) = norm(system)?;
-    let (delta, rho_max) = (most(&|thinned| thinned.thinning.share()), rho.values().iter().copied().fold(0.0, f64::max));
+    let (delta, rho_max) =
+        (most(&|thinned| thinned.thinning.share()), rho.values().iter().copied().fold(0.0, f64::max));
     let left = 1.0 - rho_max * (sigma + delta);
     if left <= 0.0 {
         return Ok((Some(Missed { omission, by: None }), cost));

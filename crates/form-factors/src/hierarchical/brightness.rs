@@ -18,7 +18,12 @@ pub struct Brightness {
 impl Brightness {
     /// Every node sends 1: links for any distribution of light that is as bright everywhere.
     pub fn uniform(hierarchy: &Hierarchy) -> Self {
-        Self { mean: vec![1.0; hierarchy.len()], deviation: vec![0.0; hierarchy.len()], linear: false, worth: Vec::new() }
+        Self {
+            mean: vec![1.0; hierarchy.len()],
+            deviation: vec![0.0; hierarchy.len()],
+            linear: false,
+            worth: Vec::new(),
+        }
     }
 
     /// Of elements with radiosities `b` where the mean irradiance is `level`, all bands counted as their root mean square.

@@ -69,8 +69,7 @@ pub(super) fn marks(
         }
         Criterion::Discontinuities => crossed(geometry).into_iter().filter(|&e| asked[e] > 0.0).collect(),
         Criterion::Estimate if adaptive.goal == Goal::Points => {
-            let squares: Vec<f64> =
-                (0..geometry.elements().len()).map(|e| asked[e] * variation.squares[e]).collect();
+            let squares: Vec<f64> = (0..geometry.elements().len()).map(|e| asked[e] * variation.squares[e]).collect();
             let others = (estimate.total().powi(2) - estimate.elements.powi(2)) / adaptive.tolerance.powi(2);
             let wanted = (1.0 - others).max(ELEMENTS) * (adaptive.tolerance * level).powi(2) * total;
             let now = squares.iter().sum::<f64>();

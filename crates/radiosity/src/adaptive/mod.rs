@@ -32,9 +32,9 @@ use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
 use radiosity_geometry::{Facets, Scene};
 
-use crate::estimate::{build, patch_rows};
-use crate::bounded::{Bounded, largest};
 use crate::bounces::omission;
+use crate::bounded::{Bounded, largest};
+use crate::estimate::{build, patch_rows};
 use crate::importance::{Importance, is_asked, largest_of, weights};
 use crate::run::named;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
@@ -465,10 +465,9 @@ impl<'a> State<'a> {
             bound: None,
         });
         let estimate = self.rounds.last().and_then(|round| round.estimate.solver);
-        let bounces = strategy.leaves_bounces().map(|error| Bounded {
-            bound: estimate,
-            ..omission(strategy, self.reflectance(), error, solution.steps)
-        });
+        let bounces = strategy
+            .leaves_bounces()
+            .map(|error| Bounded { bound: estimate, ..omission(strategy, self.reflectance(), error, solution.steps) });
         coarse.into_iter().chain(bounces).collect()
     }
 }
