@@ -14,7 +14,8 @@
 //! U_ij < min(τ_i, τ_j)      ⇒      Σ_{j dropped} A_i F_ij ≤ u_i = Σ_{j dropped} U_ij ≤ δ A_i      for every i.
 //! ```
 //!
-//! Both rows of a pair decide alike, so that what is left is symmetric. U is a geometric bound as hierarchical radiosity uses it (P. Hanrahan, D. Salzman and L. Aupperle,
+//! Both rows of a pair decide alike, so that what is left is symmetric. U is a geometric bound as hierarchical radiosity uses it (P. Hanrahan, D.
+//! Salzman and L. Aupperle,
 //! "A rapid hierarchical radiosity algorithm", Computer Graphics 25(4), 1991); the budget of a row in place of a threshold of a pair is what bounds the answer:
 //! what was dropped is an operator of norm δ at most, in the norms of the sum, the largest value and, by symmetry, the mean square. It is given back by
 //! [`ThinnedFormFactors`](crate::stores::ThinnedFormFactors). Tests compare U with exact pairs, the budget with the rows of an unthinned store, and the counts.

@@ -1,6 +1,7 @@
 //! Bounces of light too weak to matter: how many a reflectance allows, and what is left when the solver stops.
 //!
-//! Each bounce loses at least 1 − ρ_max of the light, so that what is missing after k bounces of a closed or open scene, and what is missing when a method stops at B = x + r with H = Fx, are
+//! Each bounce loses at least 1 − ρ_max of the light, so that what is missing after k bounces of a closed or open scene, and what is missing when a
+//! method stops at B = x + r with H = Fx, are
 //!
 //! ```text
 //! ‖H* − H_k‖ = ‖Σ_{l>k} (Fρ)^l FE‖ ≤ ρ_max^{k+1}/(1 − ρ_max) ‖H*‖,
@@ -8,10 +9,11 @@
 //! ```
 //!
 //! with ‖F‖ ≤ σ by its row and column sums (1 but for errors). The first tells the bounces before any work ([`bounces`]); the second takes three products after
-//! it, and the solver goes on until it is the error asked for. Jacobi's steps are bounces; other methods take no more of them where they converge faster, and what they took is counted.
+//! it, and the solver goes on until it is the error asked for. Jacobi's steps are bounces; other methods take no more of them where they converge
+//! faster, and what they took is counted.
 //! A test compares the bound with a solution to rounding, and the steps with those of one.
 //!
-//! What is *not* here: methods that sample, and the two-level form.
+//! What is *not* here: methods that sample, the two-level form, and form factors that differ between bands.
 
 use radiosity_core::{BandValues, Bands, Direction, Observer, Solution, StopRule, System, solve_from};
 
@@ -58,7 +60,9 @@ pub(crate) fn solve_until(
 ) -> Result<(Solution, Option<Missed>), RunError> {
     let solver = &mut *named(&strategy.solver, strategy.seed)?;
     let plain = stop_rule(strategy);
-    let Some(error) = strategy.leaves_bounces() else {
+    // Row sums of every band would have to be known.
+    let per_band = system.store().properties().per_band;
+    let Some(error) = strategy.leaves_bounces().filter(|_| !per_band) else {
         return Ok((solve_from(system, solver, &plain, observer, from)?, None));
     };
     if !(error > 0.0 && error < 1.0) {

@@ -8,7 +8,8 @@
 //! | bounces of light too weak to matter | [`Strategy::bounces`] | `bounces.rs` |
 //! | refinement that what is asked for does not see | [`Strategy::asked`] | `importance.rs` |
 //!
-//! Of the first two the bound is known before (`prior`, from reflectances alone) and sharper afterwards (`bound`, from the answer). Bounds of several add. The third is part of
+//! Of the first two the bound is known before (`prior`, from reflectances alone) and sharper afterwards (`bound`, from the answer). Bounds of
+//! several add. The third is part of
 //! the estimate that refinement stops by, and has none of its own. Norms are area-weighted root mean squares,
 //!
 //! ```text

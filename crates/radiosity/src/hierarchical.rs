@@ -289,8 +289,10 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
 /// (Y/⟨Y⟩_W)² Σ A / A_W
 /// ```
 ///
-/// Errors of links hardly depend on each other, so that those of nodes add by squares, and one that reaches the asked area evenly is worth (A_p Y ε)²/A_W ≤ A_p Y² ε²
-/// there. Relative to what is asked for, since errors of links are counted without their reflections; and over its share, so that sums over all area are means over that.
+/// Errors of links hardly depend on each other, so that those of nodes add by squares, and one that reaches the asked area evenly is worth (A_p Y
+/// ε)²/A_W ≤ A_p Y² ε²
+/// there. Relative to what is asked for, since errors of links are counted without their reflections; and over its share, so that sums over all area
+/// are means over that.
 fn worth(y: Vec<f64>, areas: &[f64], counted: &[f64]) -> Vec<f64> {
     let (asked, total) = (counted.iter().sum::<f64>(), areas.iter().sum::<f64>());
     let mean = y.iter().zip(counted).map(|(y, area)| y * area).sum::<f64>() / asked;

@@ -1,21 +1,25 @@
 //! What an error is worth to the surfaces that are asked for: the adjoint of the radiosity equation.
 //!
-//! H = F(E + ρH) is asked for where W = 1 (and not where W = 0). In the inner product ⟨a, b⟩ = Σ A a b the form factors are their own adjoint, since A_i F_ij = A_j F_ji, so
+//! H = F(E + ρH) is asked for where W = 1 (and not where W = 0). In the inner product ⟨a, b⟩ = Σ A a b the form factors are their own adjoint, since
+//! A_i F_ij = A_j F_ji, so
 //!
 //! ```text
 //! ⟨W, H⟩ = ⟨W, (I − Fρ)⁻¹ FE⟩ = ⟨Y, FE⟩ = ⟨I, E⟩,      Y = W + ρFY,      I = FY
 //! ```
 //!
 //! Y is the *importance of irradiance*: an error δ of H in an element changes ⟨W, H⟩ by A Y δ, all reflections counted. I is the importance of what an element
-//! emits (B. E. Smits, J. R. Arvo and D. H. Salesin, "An importance-driven radiosity algorithm", Computer Graphics 26(2), 1992). Both come from one solution of the system itself, with the
+//! emits (B. E. Smits, J. R. Arvo and D. H. Salesin, "An importance-driven radiosity algorithm", Computer Graphics 26(2), 1992). Both come from one
+//! solution of the system itself, with the
 //! surfaces that are asked for as its lamps: Y is its radiosity and I its irradiance. Errors δ of irradiance reach the asked surfaces with
 //!
 //! ```text
 //! ‖(I − Fρ)⁻¹ δ‖_W ≤ ‖δ‖_W + √( κ Σ A (Y − W) δ² ),      κ = ρ_max/(1 − ρ_max),
 //! ```
 //!
-//! by Jensen's inequality on the rows of Σ_{k ≥ 1} (Fρ)^k, so that squares of errors count by Y as well. Refinement takes A Y δ² in place of A δ²: it need not look at what is
-//! neither asked for nor seen by it. A test has both sides of the first line equal to rounding. On forms with patches the equality holds as far as reciprocity does.
+//! by Jensen's inequality on the rows of Σ_{k ≥ 1} (Fρ)^k, so that squares of errors count by Y as well. Refinement takes A Y δ² in place of A δ²:
+//! it need not look at what is
+//! neither asked for nor seen by it. A test has both sides of the first line equal to rounding. On forms with patches the equality holds as far as
+//! reciprocity does.
 //!
 //! What is *not* here: weights of single elements or directions, as a camera has them.
 

@@ -231,7 +231,8 @@ pub struct Strategy {
     pub seed: u64,
     /// Bytes that a run may take; it is refused before it begins if more are predicted.
     pub memory: Option<u64>,
-    /// Whether the run computes what the scene or its error does not need as well ([`crate::plan`], [`crate::bounded`]), so that observers see, and counts are of, the
+    /// Whether the run computes what the scene or its error does not need as well ([`crate::plan`], [`crate::bounded`]), so that observers see, and
+    /// counts are of, the
     /// whole system.
     pub keep_everything: bool,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.

@@ -1,21 +1,25 @@
 //! Pairs too small to matter: how much of a row may go, and what the answer may be off by.
 //!
 //! [`Thinning`] drops pairs of which each row loses a share δ at most, none with an emitter, and what a closed scene's rows lost is given back
-//! ([`ThinnedFormFactors`]). With ΔF what that changes, c = 2 (dropped and given back) or 1 (an open scene, whose row sums are not known), and B = ρH where nothing emits,
+//! ([`ThinnedFormFactors`]). With ΔF what that changes, c = 2 (dropped and given back) or 1 (an open scene, whose row sums are not known), and B =
+//! ρH where nothing emits,
 //!
 //! ```text
 //! H̃ − H = (I − F̃ρ)⁻¹ ΔF ρH,      ‖ΔF‖ ≤ c δ,      ‖H̃ − H‖/‖H‖ ≤ c δ ρ_max / (1 − ρ_max),
 //! ```
 //!
-//! since ΔF is symmetric in the areas and its rows change by c δ at most (I. Schur 1911). δ is what makes that the error asked for. When B̃ is known, what is missing in element i is
+//! since ΔF is symmetric in the areas and its rows change by c δ at most (I. Schur 1911). δ is what makes that the error asked for. When B̃ is
+//! known, what is missing in element i is
 //!
 //! ```text
 //! g_i = (1/A_i) Σ_{j dropped} U_ij |B̃_j − b_i| ≥ |Σ_j ΔF_ij B̃_j|,      b_i the mean that i exchanges with instead, 0 in an open scene,
 //! h = g + F̃ρh,      |H̃ − H| ≤ h + s,      s = δ max(ρh) / (1 − ρ_max (σ + δ)),
 //! ```
 //!
-//! one more solution; s makes up for F̃ in place of F there, and σ is the largest row sum of F̃. That bound is sharper by what reflectances and radiosities differ. It holds for
-//! the rows that the estimator would have given: what computed entries err by is not in it, nor what their rows' sums miss without any omission. Tests see it above the difference from
+//! one more solution; s makes up for F̃ in place of F there, and σ is the largest row sum of F̃. That bound is sharper by what reflectances and
+//! radiosities differ. It holds for
+//! the rows that the estimator would have given: what computed entries err by is not in it, nor what their rows' sums miss without any omission.
+//! Tests see it above the difference from
 //! the run without omissions, and the prior above both.
 //!
 //! What is *not* here: forms with patches and estimators of whole rows, where nothing is dropped.

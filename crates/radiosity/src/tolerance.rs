@@ -2,7 +2,8 @@
 //!
 //! The error of piecewise constant elements falls like the element size h, or like h^½ where shadows are sharp, so the
 //! difference between the answers on h and h/2 estimates the error on h and lies above the error on h/2 in either case
-//! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound; where only some surfaces are asked for, the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
+//! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound; where only some surfaces are
+//! asked for, the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
 
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;

@@ -186,7 +186,8 @@ fn on(run: &Run<'_>, asked: &[u32]) -> GridValues {
     GridValues::means(&run.geometry, &run.solution.irradiance, 8).unwrap().on(asked)
 }
 
-/// The floor of the Cornell box, the wall behind its blocks, or the one at their side: what is computed less is the rows of other faces and the patches they would need.
+/// The floor of the Cornell box, the wall behind its blocks, or the one at their side: what is computed less is the rows of other faces and the
+/// patches they would need.
 #[test]
 fn refinement_for_a_wall_meets_its_tolerance_with_fewer_form_factors() {
     let scene = common::cornell_box();

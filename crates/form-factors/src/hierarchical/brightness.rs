@@ -59,7 +59,8 @@ impl Brightness {
         Self { linear: true, ..self }
     }
 
-    /// The same where the square of an error on an element counts `worth` times its area, and that on a node the mean over its elements: refinement and the error of
+    /// The same where the square of an error on an element counts `worth` times its area, and that on a node the mean over its elements: refinement
+    /// and the error of
     /// all links go by it.
     ///
     /// # Panics

@@ -10,7 +10,8 @@
 //!
 //! This is the oracle B·F·A in the norm in which errors are reported, Σ A (H − H*)²: a node's own size counts, so that small nodes may
 //! see coarse partners; w ≥ 1 gives a surface smaller than the mean of all as much weight as that has, since small surfaces are often the
-//! bright ones and an area alone lets them err by several times what walls do; where errors of some elements count more than others ([`Brightness::worth`]), w has the mean of that over
+//! bright ones and an area alone lets them err by several times what walls do; where errors of some elements count more than others
+//! ([`Brightness::worth`]), w has the mean of that over
 //! the node as a factor. Refining the link with the largest ε² gains most for its cost, so all are brought below one threshold τ.
 //!
 //! δκ is c₄((R_p + R_q)/r)⁴ κ for the product rule between nodes of one plane, and the standard error of what was sampled where

@@ -15,7 +15,8 @@ use super::{Held, assert_factors};
 /// changes is bounded by what was lost, times how much x varies there. Elements that K leaves in separate groups have a D each, since what
 /// a closed partition parts must stay dark.
 ///
-/// *Why not otherwise*: scaling ([`crate::repair`]) changes direct light, where an error counts most, and takes tens of products; what was lost added to the diagonal
+/// *Why not otherwise*: scaling ([`crate::repair`]) changes direct light, where an error counts most, and takes tens of products; what was lost
+/// added to the diagonal
 /// gives an element its own light back instead of the mean of many. *Memory*: that of the store, 12 bytes an element and 16 a group. *Reads*: a product
 /// reads the store and d once; rows are full.
 pub struct ThinnedFormFactors {

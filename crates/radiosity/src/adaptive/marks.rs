@@ -7,7 +7,8 @@
 //! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e Y_e (F_ep v_p min(1, s_p/d_ep))²
 //! ```
 //!
-//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep; Y is the importance of e to what is asked for ([`crate::Importance`]), 1 if that is all. The fewest patches are cut that carry three quarters of Σ E_p²; one
+//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep; Y is the importance of e to what is asked for
+//! ([`crate::Importance`]), 1 if that is all. The fewest patches are cut that carry three quarters of Σ E_p²; one
 //! whose elements are all in one node gets finer elements first, to be cut along. Of elements as many are cut as carry what has to go: cutting divides ε² by
 //! four where H is smooth (bulk criterion; W. Dörfler, SIAM J. Numer. Anal. 33, 1996). What is *not* here: whether it is needed.
 

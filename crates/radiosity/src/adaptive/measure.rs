@@ -12,7 +12,8 @@
 //!
 //! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
 //! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
-//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums over elements and ⟨H⟩ are theirs alone,
+//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums
+//! over elements and ⟨H⟩ are theirs alone,
 //! and what errs elsewhere counts by its importance Y to them ([`crate::Importance`]); half of the probes are theirs, half spread evenly over A (Y − W):
 //!
 //! ```text
