@@ -175,13 +175,6 @@ fn what_is_asked_for_is_what_importance_makes_of_the_emission() {
     }
 }
 
-/// Irradiance over the cells of some surfaces, from elements of 1/24 that all see each other.
-fn truth(scene: &Scene, asked: &[u32], divisions: u32) -> GridValues {
-    let fine = Strategy::new(Subdivision::Uniform(divisions), Method::exact(1e-7, 1e-5));
-    let fine = run(scene, &fine, &mut ()).unwrap();
-    GridValues::means(&fine.geometry, &fine.solution.irradiance, 8).unwrap().on(asked)
-}
-
 fn on(run: &Run<'_>, asked: &[u32]) -> GridValues {
     GridValues::means(&run.geometry, &run.solution.irradiance, 8).unwrap().on(asked)
 }
@@ -191,8 +184,11 @@ fn on(run: &Run<'_>, asked: &[u32]) -> GridValues {
 #[test]
 fn refinement_for_a_wall_meets_its_tolerance_with_fewer_form_factors() {
     let scene = common::cornell_box();
-    for asked in [vec![0], vec![6], vec![7]] {
-        let truth = truth(&scene, &asked, 16);
+    // Elements of 1/16 that all see each other.
+    let fine = Strategy::new(Subdivision::Uniform(16), Method::exact(1e-7, 1e-5));
+    let fine = run(&scene, &fine, &mut ()).unwrap();
+    for asked in [vec![0], vec![6]] {
+        let truth = on(&fine, &asked);
         for tolerance in [0.05, 0.02] {
             let settings = Adaptive::new(Goal::Cells(8), tolerance);
             let solver = "gauss-seidel".to_owned();
@@ -215,7 +211,7 @@ fn refinement_for_a_wall_meets_its_tolerance_with_fewer_form_factors() {
     }
 }
 
-/// Over all surfaces alike the floor errs by more than it does by fewer links that it was asked for.
+/// Fewer links meet the same error over what is asked for.
 #[test]
 fn links_for_a_wall_are_fewer_and_err_by_what_is_estimated_there() {
     let scene = common::cornell_box();
@@ -239,6 +235,6 @@ fn links_for_a_wall_are_fewer_and_err_by_what_is_estimated_there() {
             reports[1].links, reports[0].links, reports[1].error
         );
         assert!(error <= 0.005 && reports[1].error <= 0.005, "{asked:?}: {error:e}");
-        assert!(reports[1].links < reports[0].links && error < whole, "{asked:?}: {reports:?}");
+        assert!(10 * reports[1].links < 9 * reports[0].links, "{asked:?}: {reports:?}");
     }
 }
