@@ -87,7 +87,8 @@ pub(crate) fn largest(reflectance: &BandValues) -> Vec<f64> {
     (0..reflectance.count()).map(|b| reflectance.band(b).iter().copied().fold(0.0, f64::max)).collect()
 }
 
-/// σ ≥ ‖F‖: the root of the largest row sum times the largest column sum of a system's form factors (I. Schur 1911), and what the two products took. It is
+/// σ ≥ ‖F‖: the root of the largest row sum times the largest column sum of a system's form factors (I. Schur 1911), and what the products took, one where they are
+/// the same. It is
 /// 1 but for errors of the form factors.
 pub(crate) fn norm(system: &System<'_>) -> Result<(f64, Cost), RunError> {
     let store = system.store();
@@ -102,6 +103,9 @@ pub(crate) fn norm(system: &System<'_>) -> Result<(f64, Cost), RunError> {
     let mut sums = BandValues::zeros(1, sources.len());
     cost += store.gather(ones(targets.len()).view(), sums.view_mut())?;
     largest[0] = sums.values().iter().zip(sources).map(|(sum, area)| sum / area).fold(0.0, f64::max);
+    if store.properties().symmetric {
+        return Ok((largest[0], cost));
+    }
     let mut sums = BandValues::zeros(1, targets.len());
     cost += store.scatter(ones(sources.len()).view(), sums.view_mut())?;
     largest[1] = sums.values().iter().zip(targets).map(|(sum, area)| sum / area).fold(0.0, f64::max);

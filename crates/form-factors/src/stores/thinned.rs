@@ -18,7 +18,7 @@ use super::{Held, assert_factors};
 /// *Why not otherwise*: scaling ([`crate::repair`]) changes direct light, where an error counts most, and takes tens of products; what was lost
 /// added to the diagonal
 /// gives an element its own light back instead of the mean of many. *Memory*: that of the store, 12 bytes an element and 16 a group. *Reads*: a product
-/// reads the store and d once; rows are full.
+/// reads the store and d once; rows are full, and shots and sweeps go by them.
 pub struct ThinnedFormFactors {
     kept: Box<dyn Held>,
     given: GivenBack,
@@ -139,7 +139,7 @@ fn groups(store: &dyn FormFactors) -> Result<(Vec<u32>, Cost), StoreError> {
 
 impl FormFactors for ThinnedFormFactors {
     fn name(&self) -> &'static str {
-        self.kept.name()
+        "thinned"
     }
 
     fn sources(&self) -> usize {
@@ -171,10 +171,6 @@ impl FormFactors for ThinnedFormFactors {
             y.band(b).iter_mut().zip(self.given.areas()).zip(means).for_each(|((y, d), mean)| *y += d * mean);
         }
         Ok(cost + Cost::applied(2 * self.sources(), size_of::<f64>(), x.count()))
-    }
-
-    fn scatter(&self, x: Bands<'_>, y: BandsMut<'_>) -> Result<Cost, StoreError> {
-        self.gather(x, y)
     }
 }
 
