@@ -287,7 +287,9 @@ fn reference(context: &Context, scene: &Scene) -> Result<Reference, Box<dyn Erro
     (0..rounds).for_each(|_| tracer.expose(&camera, REFERENCE_SEED, &mut film));
     let seconds = clock.elapsed().as_secs_f64();
     std::fs::create_dir_all(&folder)?;
-    let mut bytes = format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "samples": film.samples, "seconds": seconds })).into_bytes();
+    let mut bytes =
+        format!("{}\n", serde_json::json!({ "rays": film.cost.rays, "samples": film.samples, "seconds": seconds }))
+            .into_bytes();
     film.state().iter().flatten().for_each(|sum| bytes.extend(sum.to_le_bytes()));
     std::fs::write(&file, bytes)?;
     Ok(Reference { film, seconds })

@@ -311,11 +311,12 @@ pub enum Shading {
 /// What a run may leave out.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PlanArgs {
-    /// Compute also what the scene does not need: dark rooms and bands, form factors between rooms, black faces as unknowns.
+    /// Compute also what the scene does not need: dark rooms and bands, form factors between rooms, black faces as unknowns; and what its error
+    /// does not need: small pairs, weak bounces, elements that the faces asked for do not see.
     #[arg(long)]
     pub keep_everything: bool,
     /// Faces or groups whose solution is wanted, by number from 0 or by name, with commas between; all if not given. What sends nothing
-    /// and is not wanted only blocks.
+    /// and is not wanted only blocks; --tolerance is of these faces, and links and refinement elsewhere are as coarse as they allow.
     #[arg(long, value_name = "FACE,GROUP,…", value_delimiter = ',')]
     pub ask: Vec<String>,
 }
@@ -372,6 +373,14 @@ pub struct SolveArgs {
     /// Estimated rms error of irradiance that the links of the hierarchical store may cause, as a share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit)]
     pub link_error: Option<f64>,
+    /// Drop pairs too small to matter: rms error of irradiance that this may cause, as a share of its level, bounded before and, more sharply,
+    /// after the solution; of the analytic method in the full form. A tenth of --tolerance where that refines the full form.
+    #[arg(long, value_name = "T", value_parser = open_unit, conflicts_with_all = ["form_factors", "after", "repair"])]
+    pub thin_error: Option<f64>,
+    /// Stop the solver when bounces of light that are left change irradiance by at most this share of its level; a tenth of --tolerance
+    /// where --unshot is not given.
+    #[arg(long, value_name = "T", value_parser = open_unit, conflicts_with_all = ["form_factors", "after"])]
+    pub bounce_error: Option<f64>,
     /// Close the row sums of a closed scene by symmetric scaling; rows of rays or hemicubes are made symmetric first.
     #[arg(long)]
     pub repair: bool,

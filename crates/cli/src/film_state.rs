@@ -90,7 +90,9 @@ pub fn read(path: &Path, film: Film, settings: &Settings) -> Result<Film, Failur
     let allotment = match header["allotment"].as_str() {
         Some("even") => Allotment::Even,
         // A pixel without a net would have no mean.
-        Some(BY_NOISE) => Allotment::ByNoise(nets.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]).max(1)).collect()),
+        Some(BY_NOISE) => {
+            Allotment::ByNoise(nets.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]).max(1)).collect())
+        }
         _ => return Err(damaged("it does not say how samples are allotted").into()),
     };
     Ok(film.resume([rounds, samples], state, allotment, Cost { rays, ..Cost::default() }))

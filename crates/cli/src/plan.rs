@@ -1,7 +1,7 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
-use radiosity::Store;
 use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
+use radiosity::{Bounded, Run, Store};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
@@ -85,4 +85,38 @@ pub fn lines(savings: &Savings) -> Vec<String> {
         format!("left out: {}: {}{saved}", left.what, left.omission.reason())
     };
     savings.list.iter().map(line).collect()
+}
+
+/// The list with what was left out within an error: with its bounds, before and after.
+pub fn with_bounded(list: Value, bounded: &[Bounded]) -> Value {
+    let Value::Array(mut list) = list else { return list };
+    list.extend(bounded.iter().map(|omission| {
+        let saved = |count: Option<u64>| count.map(|count| json!({ omission.counted: count }));
+        json!({
+            "reason": omission.reason,
+            "what": omission.what,
+            "predicted": saved(Some(omission.predicted)),
+            "measured": saved(omission.measured),
+            "bounded": { "before": omission.prior, "after": omission.bound },
+        })
+    }));
+    list.into()
+}
+
+/// The line of one thing left out within an error.
+pub fn bounded_line(omission: &Bounded) -> String {
+    let Bounded { reason, what, counted, predicted, measured, prior, bound } = omission;
+    let measured = measured.filter(|count| count != predicted);
+    let measured = measured.map_or_else(String::new, |count| format!(" ({count} in the end)"));
+    let after = bound.map_or_else(String::new, |bound| format!(", {bound:.1e} in the end"));
+    format!("left out: {what}: {reason}; saves {predicted} {counted}{measured}, error at most {prior:.1e}{after}")
+}
+
+/// A line for each thing left out within an error, and what all of them change.
+pub fn bounded_lines(run: &Run<'_>) -> Vec<String> {
+    let mut lines: Vec<String> = run.bounded.iter().map(bounded_line).collect();
+    if let (Some(error), true) = (run.bounded_error(), run.bounded.len() > 1) {
+        lines.push(format!("what is left out changes irradiance by at most {error:.1e} of its mean (rms)"));
+    }
+    lines
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
+use radiosity::bounded::{Bounded, foreseen};
 use radiosity::plan::{Off, Omissions, Savings, StoreReason};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
@@ -42,6 +43,9 @@ const CELLS: u32 = 4;
 
 /// Rays of a row of form factors by way of specular surfaces.
 pub const SPECULAR_RAYS: u32 = 4096;
+
+/// Part of a tolerance that dropped pairs may take, and bounces that are not followed.
+const SHARE: f64 = 0.1;
 
 /// Estimated error at which a solver that samples stops if nothing is asked for.
 const SAMPLED_ERROR: f64 = 1e-2;
@@ -148,7 +152,9 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
     strategy.check()?;
     if args.common.dry_run {
         let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
-        return Ok(dry_run(args, Foreseen { prediction, savings, reason }, &strategy, None, program));
+        // Refinement makes meshes of its own.
+        let bounded = if args.tolerance.is_none() { foreseen(&plan, &geometry, &strategy) } else { Vec::new() };
+        return Ok(dry_run(args, Foreseen { prediction, savings, bounded, reason }, &strategy, None, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {
@@ -261,6 +267,7 @@ fn to_tolerance<'a>(
     tolerance: f64,
 ) -> Result<(Run<'a>, Way<'static>), RunError> {
     let report_grid = args.report_grid.unwrap_or(REPORT_GRID);
+    strategy.omit = plan::omissions(&args.plan);
     let mut gathering = Strategy { shape: Shape::ElementsToPatches, ..strategy.clone() };
     if args.solver.is_none() {
         "gauss-seidel".clone_into(&mut gathering.solver);
@@ -337,6 +344,11 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
             strategy.shape = Shape::TwoLevel;
         }
     }
+    if !args.plan.keep_everything {
+        let share = args.tolerance.map(|tolerance| SHARE * tolerance);
+        strategy.thin = args.thin_error.or(share);
+        strategy.bounces = args.bounce_error.or(share.filter(|_| args.unshot.is_none()));
+    }
     strategy.unshot = args.unshot.unwrap_or(if strategy.samples() { SAMPLED_ERROR } else { strategy.unshot });
 }
 
@@ -344,6 +356,7 @@ fn finish_strategy(strategy: &mut Strategy, args: &SolveArgs, blocking: usize) {
 struct Foreseen {
     prediction: Prediction,
     savings: Savings,
+    bounded: Vec<Bounded>,
     reason: Option<StoreReason>,
 }
 
@@ -351,23 +364,24 @@ impl Foreseen {
     /// A run that leaves nothing out.
     fn whole(geometry: &Geometry<'_>, strategy: &Strategy) -> Self {
         let prediction = predict(&Size::of(geometry), strategy);
-        Self { prediction, savings: Savings::default(), reason: None }
+        Self { prediction, savings: Savings::default(), bounded: Vec::new(), reason: None }
     }
 }
 
 fn dry_run(
     args: &SolveArgs,
-    Foreseen { prediction, savings, reason }: Foreseen,
+    Foreseen { prediction, savings, bounded, reason }: Foreseen,
     strategy: &Strategy,
     file: Option<&FromFile>,
     program: u64,
 ) -> Verdict {
     let (mut object, line) = predicted(&prediction, strategy, file, program);
-    object["left_out"] = plan::json(&savings);
+    object["left_out"] = plan::with_bounded(plan::json(&savings), &bounded);
     object["store_reason"] = reason.map(|reason| reason.to_string()).into();
     let mut lines = vec![line];
     lines.extend(reason.map(|reason| plan::store_line(strategy.store, reason)));
     lines.extend(plan::lines(&savings));
+    lines.extend(bounded.iter().map(plan::bounded_line));
     output::print(&args.common, &object, &lines);
     Verdict::Done
 }
@@ -387,10 +401,12 @@ fn finish(
     }
     let mut object = report(strategy, file, run);
     object["scene"] = output::import(&imported.report);
-    object["left_out"] = plan::json(&run.left_out);
-    object["plan_off"] = plan_off(strategy, file, &way).into();
+    object["left_out"] = plan::with_bounded(plan::json(&run.left_out), &run.bounded);
+    object["left_out_error"] = run.bounded_error().into();
+    object["plan_off"] = plan_off(args, strategy, file, &way).into();
     let mut lines = summary(strategy, file, run);
     lines.extend(plan::lines(&run.left_out));
+    lines.extend(plan::bounded_lines(run));
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
     match way {
         Way::Straight(reason) => {
@@ -437,11 +453,13 @@ fn finish(
 }
 
 /// Why nothing was left out, if nothing could be.
-fn plan_off(strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Option<String> {
+fn plan_off(args: &SolveArgs, strategy: &Strategy, file: Option<&FromFile>, way: &Way<'_>) -> Option<String> {
     match way {
         _ if file.is_some() => Some("form factors are given".to_owned()),
         Way::Straight(_) => Off::of(strategy).map(|off| off.to_string()),
         Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
+        // What is not asked for is refined by what it matters.
+        Way::Refined(Refinement::Adaptive(..)) if strategy.asked.is_some() && !args.plan.keep_everything => None,
         Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
         Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
     }
@@ -586,7 +604,8 @@ impl Refinement {
         match self {
             Self::Adaptive(rounds, met) => (rounds.last().map_or(f64::NAN, |round| round.estimate.total()), *met),
             Self::Uniform(steps, met) => {
-                (steps.last().and_then(|s| s.difference.as_ref()).map_or(f64::NAN, |d| d.rms), *met)
+                let with = |s: &ToleranceStep| s.difference.as_ref().map(|d| d.rms + s.left_out);
+                (steps.last().and_then(with).unwrap_or(f64::NAN), *met)
             }
         }
     }
@@ -623,6 +642,7 @@ fn step_json(step: &ToleranceStep) -> Value {
         "subdivision": step.subdivision,
         "elements": step.elements,
         "difference": step.difference.as_ref().map(output::error),
+        "left_out_error": step.left_out,
     })
 }
 

@@ -137,3 +137,66 @@ fn a_store_that_is_not_asked_for_is_chosen_and_said_why() {
     let inspected = object(&folder, "inspect scene.obj --subdivide 8 --json");
     assert_eq!(inspected["predicted"]["store"], "packed");
 }
+
+fn errors(object: &Value) -> Vec<(f64, f64)> {
+    let bounded = object["left_out"].as_array().unwrap().iter().map(|left| &left["bounded"]).filter(|b| !b.is_null());
+    bounded.map(|b| (b["before"].as_f64().unwrap(), b["after"].as_f64().unwrap())).collect()
+}
+
+#[test]
+fn pairs_and_bounces_within_an_error_are_left_out_with_their_bounds() {
+    let folder = Folder::new("plan_bounded");
+    with_scene(&folder, &black_floor());
+    let solve = "solve scene.obj --subdivide 6 --json --output";
+    let all = object(&folder, &format!("{solve} all.csv --unshot 1e-12"));
+    let some = object(&folder, &format!("{solve} some.csv --thin-error 0.1 --bounce-error 0.01"));
+    let found = errors(&some);
+    assert_eq!(found.len(), 2);
+    assert!(found[0].0 <= 0.1 && found[0].1 < 0.1 && found[1].0 == 0.01);
+    let sum = found.iter().map(|found| found.1).sum::<f64>();
+    assert_eq!(some["left_out_error"].as_f64(), Some(sum));
+    let computed = |object: &Value| object["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
+    let dropped =
+        some["left_out"].as_array().unwrap().iter().find_map(|left| left["measured"]["form factors"].as_u64());
+    let foreseen = object(&folder, &format!("{solve} no.csv --thin-error 0.1 --bounce-error 0.01 --dry-run"));
+    let first = &foreseen["left_out"].as_array().unwrap()[foreseen["left_out"].as_array().unwrap().len() - 2];
+    assert_eq!((first["predicted"]["form factors"].as_u64(), &first["measured"]), (dropped, &Value::Null));
+    assert!(dropped.unwrap() > 0 && computed(&all) == computed(&some) + dropped.unwrap());
+    // Column 10 is the irradiance of the first band; areas are in column 6.
+    let (some, all) = (table(&folder, "some.csv"), table(&folder, "all.csv"));
+    let area: f64 = all.iter().map(|row| row[6]).sum();
+    let square: f64 =
+        some.iter().zip(&all).flat_map(|(a, b)| (10..13).map(move |k| b[6] * (a[k] - b[k]).powi(2))).sum();
+    let mean = all.iter().flat_map(|row| row[10..13].iter().map(|h| row[6] * h)).sum::<f64>() / (3.0 * area);
+    assert!((square / (3.0 * area)).sqrt() / mean <= sum);
+    let kept = object(&folder, &format!("{solve} kept.csv --thin-error 0.1 --bounce-error 0.01 --keep-everything"));
+    assert!(errors(&kept).is_empty() && kept["left_out_error"] == 0.0);
+    let text = folder.run("solve scene.obj --subdivide 4 --thin-error 0.3 --bounce-error 0.01").stdout;
+    assert!(text.contains("too small to matter") && text.contains("bounces beyond") && text.contains("at most"));
+}
+
+#[test]
+fn a_tolerance_of_some_faces_is_refined_for_them_alone() {
+    let folder = Folder::new("plan_ask_tolerance");
+    with_scene(&folder, &black_floor());
+    let solve = "solve scene.obj --method analytic --tolerance 0.03 --json --output";
+    let all = object(&folder, &format!("{solve} all.csv"));
+    let some = object(&folder, &format!("{solve} some.csv --ask 0"));
+    assert_eq!((&some["plan_off"], &some["refinement"]["met"]), (&Value::Null, &true.into()));
+    let computed = |object: &Value| object["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
+    assert!(2 * computed(&some) < computed(&all));
+    let asked = some["left_out"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|left| left["what"].as_str().unwrap().contains("not asked for"));
+    assert!(asked.unwrap()["predicted"]["rows"].as_u64().unwrap() > 0);
+    assert!(table(&folder, "some.csv").iter().all(|row| row[0] == 0.0));
+    // Of the full form: by successive meshes, with pairs dropped in addition.
+    let full = object(
+        &folder,
+        "solve scene.obj --method analytic --tolerance 0.1 --ask 0,1 --store packed --solver cg --json",
+    );
+    assert!(full["refinement"]["kind"] == "uniform" && full["refinement"]["met"] == true);
+    assert!(full["left_out_error"].as_f64().unwrap() > 0.0);
+}

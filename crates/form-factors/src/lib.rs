@@ -20,8 +20,10 @@ mod row_wise;
 mod rows;
 mod selected;
 pub mod stores;
+pub mod thinning;
 pub mod update;
 
 pub use row_wise::Receivers;
 pub use rows::{Estimate, Numbers, Pairwise, PairwiseRows, Rows, Run, Sampler, SparseRow};
 pub use selected::SelectedRows;
+pub use thinning::{ThinnedRows, Thinning};

@@ -223,6 +223,18 @@ pub trait Rows: Sync {
         self.row(s, values)
     }
 
+    /// [`Self::row`] of the targets t ≥ `first` that `wanted` names, 0 elsewhere; estimators of pairs compute no others.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::row`].
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        let spent = self.row(s, values)?;
+        let unwanted = values.iter_mut().zip(wanted).enumerate().filter(|(t, (_, wanted))| *t < first || !**wanted);
+        unwanted.for_each(|(_, (value, _))| *value = 0.0);
+        Ok(spent)
+    }
+
     /// How targets are drawn without a row, where the estimator can.
     fn sampler(&self) -> Option<&dyn Sampler> {
         None
@@ -266,6 +278,10 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).upper_row(s, values)
+    }
+
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        (**self).row_of(s, first, wanted, values)
     }
 
     fn sampler(&self) -> Option<&dyn Sampler> {
@@ -333,13 +349,40 @@ impl<'a, P: Pairwise> PairwiseRows<'a, P> {
         self.estimator.exchange_run(&self.run(s, from), values)
     }
 
-    fn fill(&self, s: usize, from: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+    /// [`Self::part`] of what is wanted, runs of neighbours at a time, 0 elsewhere.
+    fn wanted_part(&self, s: usize, from: usize, wanted: &[bool], values: &mut [f64]) -> (Cost, f64) {
+        let wanted = &wanted[from..from + values.len()];
+        let (mut begin, mut total) = (0, (Cost::default(), 0.0_f64));
+        while begin < wanted.len() {
+            let length = wanted[begin..].iter().take_while(|is| **is == wanted[begin]).count();
+            let run = &mut values[begin..begin + length];
+            if wanted[begin] {
+                let (cost, bound) = self.part(s, from + begin, run);
+                total = (total.0 + cost, total.1.max(bound));
+            } else {
+                run.fill(0.0);
+            }
+            begin += length;
+        }
+        total
+    }
+
+    fn fill(
+        &self,
+        s: usize,
+        from: usize,
+        wanted: Option<&[bool]>,
+        values: &mut [f64],
+    ) -> Result<(Cost, f64), StoreError> {
         assert_eq!(values.len(), self.targets(), "row: length");
         let targets = self.targets;
         // Pieces begin at multiples of their length, so that blocks of targets are not cut.
         let (head, tail) = values[from..].split_at_mut((from.next_multiple_of(PIECE) - from).min(targets.len() - from));
         let run = |from: usize, values: &mut [f64]| {
-            let spent = self.part(s, from, values);
+            let spent = match wanted {
+                Some(wanted) => self.wanted_part(s, from, wanted, values),
+                None => self.part(s, from, values),
+            };
             let all = values.iter().fold(true, |all, value| all & (*value >= 0.0) & (*value < f64::INFINITY));
             if !all && let Some(k) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
                 return Err(StoreError::Value { source_index: s, target_index: from + k, value: values[k] });
@@ -378,10 +421,15 @@ impl<P: Pairwise> Rows for PairwiseRows<'_, P> {
     }
 
     fn row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        self.fill(s, 0, values)
+        self.fill(s, 0, None, values)
+    }
+
+    fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
+        values[..first].fill(0.0);
+        self.fill(s, first, Some(wanted), values)
     }
 
     fn upper_row(&self, s: usize, values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
-        self.fill(s, if self.symmetric() { s } else { 0 }, values)
+        self.fill(s, if self.symmetric() { s } else { 0 }, None, values)
     }
 }

@@ -122,7 +122,7 @@ pub fn run_enhanced<'a>(
     form_factors.cost += of_specular.cost;
     form_factors.time += of_specular.time;
     let store: &dyn FormFactors = extended.as_ref().map_or(straight.store(), |(store, _)| store);
-    let known = Known { form_factors, repair: None, checks: Check::Known(None) };
+    let known = Known { form_factors, repair: None, checks: Check::Known(None), thinned: Vec::new() };
     let made = solve_stored(&geometry, store, known, strategy, None, observer)?;
     let ways = ways(&geometry, (straight.store(), store), strategy, made.radiosity())?;
     drop(extended);

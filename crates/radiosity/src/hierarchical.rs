@@ -13,6 +13,9 @@
 //! together err by a few times what is asked for, and the system is solved; then the links whose error is too large *for this x* are refined until the
 //! estimate is what was asked for, and the solver goes on from the first answer. The threshold falls in small steps: what is refined beyond
 //! need cannot be taken back, and a step costs no more than a look at every link and the links it makes.
+//!
+//! Where only some surfaces are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
+//! solved for on the coarse links; the error is that of their irradiance, relative to its mean.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,6 +27,7 @@ use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, 
 use rayon::prelude::*;
 
 use crate::estimate::analytic;
+use crate::importance::{Importance, is_asked, largest_of, weights};
 use crate::predict::admit_links;
 use crate::run::{Made, named, stop_rule};
 use crate::strategy::partial_among;
@@ -96,9 +100,16 @@ pub(crate) fn solve_by_links(
         (None, geometry.emission())
     };
     let linking = linking(geometry, &hierarchy, strategy.method, strategy.seed);
-    let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref());
+    let asked = strategy.asks().map(|asked| weights(&is_asked(Some(asked), &geometry.surfaces())));
+    let counted = asked.as_deref().map_or(areas.clone(), |asked| areas.iter().zip(asked).map(|(a, w)| a * w).collect());
+    let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref().map(|lit| (lit, &counted[..])));
     let mut brightness = Brightness::of(&hierarchy, &guess.sent, guess.level).linear();
     drop(guess);
+    if let Some(asked) = &asked {
+        let lamps = BandValues::new(asked.repeat(reflectance.count()), asked.len());
+        let guess = Guess::new(&areas, &lamps, &reflectance, None);
+        brightness = brightness.worth(&hierarchy, &worth(largest_of(&guess.sent), &areas, &counted));
+    }
     let admitted = |links: &Links| admit_links(geometry, strategy, links.len());
     let coarse = COARSE_LINKS * error;
     let mut threshold = FIRST * coarse;
@@ -110,6 +121,7 @@ pub(crate) fn solve_by_links(
 
     // The first round: a solution on coarse links, to learn what is bright.
     let mut solver = named(&strategy.solver, strategy.seed)?;
+    let mut importance = None;
     let first = {
         let clock = Instant::now();
         let store = HierarchicalFormFactors::new(Arc::clone(&hierarchy), &links);
@@ -117,13 +129,22 @@ pub(crate) fn solve_by_links(
         let system = System::full(&store, &areas, sent.view(), reflectance.view())?;
         let stop = StopRule::unshot((COARSE * error).max(strategy.unshot)).steps(strategy.steps).unverified();
         let mut solution = solve_from(&system, &mut *solver, &stop, &mut (), None)?;
+        if let Some(asked) = &asked {
+            let (found, solved) = Importance::new(&system, asked, &strategy.solver, &stop)?;
+            solution.cost += solved.cost;
+            solution.time += solved.time;
+            importance = Some(worth(largest_of(&found.of_irradiance), &areas, &counted));
+        }
         // Only where the solver goes on from is kept.
         solution.irradiance = BandValues::zeros(0, 0);
         solution
     };
     let clock = Instant::now();
-    let level = level(&areas, &first, &reflectance, &sent, lit.as_ref());
+    let level = level(&counted, &first, &reflectance, &sent, lit.as_ref());
     brightness = Brightness::of(&hierarchy, &first.radiosity, level).linear();
+    if let Some(importance) = importance {
+        brightness = brightness.worth(&hierarchy, &importance);
+    }
     let (error, spent) = tighten(&linking, &mut links, &brightness, error, &mut threshold, &admitted)?;
     form_factors.cost += spent;
     let store = HierarchicalFormFactors::new(Arc::clone(&hierarchy), &links);
@@ -262,6 +283,22 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     (all, costs.into_iter().sum())
 }
 
+/// What the square of an error on each element counts where only the area A_W is asked for, by its importance Y in the band in which that is largest:
+///
+/// ```text
+/// (Y/⟨Y⟩_W)² Σ A / A_W
+/// ```
+///
+/// Errors of links hardly depend on each other, so that those of nodes add by squares, and one that reaches the asked area evenly is worth (A_p Y
+/// ε)²/A_W ≤ A_p Y² ε²
+/// there. Relative to what is asked for, since errors of links are counted without their reflections; and over its share, so that sums over all area
+/// are means over that.
+fn worth(y: Vec<f64>, areas: &[f64], counted: &[f64]) -> Vec<f64> {
+    let (asked, total) = (counted.iter().sum::<f64>(), areas.iter().sum::<f64>());
+    let mean = y.iter().zip(counted).map(|(y, area)| y * area).sum::<f64>() / asked;
+    y.into_iter().map(|y| (y / mean).powi(2) * total / asked).collect()
+}
+
 /// What elements may send, before anything is solved.
 struct Guess {
     sent: BandValues,
@@ -270,14 +307,20 @@ struct Guess {
 
 impl Guess {
     /// x = e + ρ H, with the same ambient H = ⟨e⟩ / (1 − ⟨ρ⟩) everywhere (Cohen et al. 1988).
-    fn new(areas: &[f64], e: &BandValues, rho: &BandValues, lit: Option<&BandValues>) -> Self {
+    ///
+    /// The level is that of the areas that come with direct light.
+    fn new(areas: &[f64], e: &BandValues, rho: &BandValues, lit: Option<(&BandValues, &[f64])>) -> Self {
         let total: f64 = areas.iter().sum();
         let mean = |x: &[f64]| x.iter().zip(areas).map(|(x, a)| x * a).sum::<f64>() / total;
         let (mut sent, mut level) = (e.clone(), 0.0);
         for b in 0..e.count() {
             let ambient = mean(e.band(b)) / (1.0 - mean(rho.band(b)));
             sent.band_mut(b).iter_mut().zip(rho.band(b)).for_each(|(x, rho)| *x += rho * ambient);
-            level += (ambient + lit.map_or(0.0, |lit| mean(lit.band(b)))) / e.count() as f64;
+            let direct = lit.map_or(0.0, |(lit, counted)| {
+                let sum = lit.band(b).iter().zip(counted).map(|(lit, a)| lit * a).sum::<f64>();
+                sum / counted.iter().sum::<f64>()
+            });
+            level += (ambient + direct) / e.count() as f64;
         }
         Self { sent, level }
     }

@@ -8,11 +8,14 @@
 //! global state.
 
 pub mod adaptive;
+mod bounces;
+pub mod bounded;
 mod enhanced;
 pub mod errors;
 mod estimate;
 mod geometry;
 mod hierarchical;
+mod importance;
 mod linear;
 mod mend;
 pub mod plan;
@@ -23,15 +26,19 @@ mod saved;
 mod senders;
 pub mod specular_radiosity;
 mod strategy;
+mod thin;
 mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
+pub use bounces::bounces;
+pub use bounded::Bounded;
 pub use enhanced::{EnhancedRun, SpecularBy, SpecularTransport, predict_enhanced, run_enhanced};
 pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
 pub use geometry::Geometry;
 pub use hierarchical::HierarchicalReport;
+pub use importance::Importance;
 pub use linear::{LinearIrradiance, LinearRadiosity};
 pub use mend::{Repair, mend, mend_dense};
 pub use plan::Plan;

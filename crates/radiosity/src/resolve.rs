@@ -152,7 +152,8 @@ impl<'a> Solved<'a> {
         };
         let (store, known, whole) = if change.moved.is_empty() && same_method {
             let checks = Check::Known(self.run.checked.clone().map(Box::new));
-            let known = Known { form_factors: Phase::default(), repair: self.run.repair.clone(), checks };
+            let known =
+                Known { form_factors: Phase::default(), repair: self.run.repair.clone(), checks, thinned: Vec::new() };
             (Arc::clone(&self.store), known, self.whole)
         } else if strategy.repair || !same_method {
             let (store, known) = filled(&geometry, None, strategy)?;
@@ -193,7 +194,8 @@ impl<'a> Solved<'a> {
     /// [`RunError`] as [`Self::resolve`].
     pub fn count_cold_start(&self, saving: Saving) -> Result<Saving, RunError> {
         let strategy = Strategy { verify: false, ..self.strategy.clone() };
-        let known = Known { form_factors: Phase::default(), repair: None, checks: Check::Known(None) };
+        let known =
+            Known { form_factors: Phase::default(), repair: None, checks: Check::Known(None), thinned: Vec::new() };
         let made = solve_stored(&self.run.geometry, &*self.store, known, &strategy, None, &mut ())?;
         Ok(Saving { of_steps: Some(made.steps()), ..saving })
     }

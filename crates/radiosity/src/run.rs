@@ -16,10 +16,13 @@ use radiosity_geometry::mesh::MeshError;
 use radiosity_geometry::{CompareError, Scene};
 use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
+use crate::bounces::solve_until;
+use crate::bounded::{Bounded, Missed};
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
 use crate::plan::{Omissions, Plan, Savings, follow};
 use crate::predict::{Alternative, Bytes, admit};
+use crate::thin::{self, Thinned, fill_thinned};
 use crate::{FittedRows, Geometry, Method, Phase, Repair, Shape, Store, Strategy, mend, mend_dense};
 
 /// Why a run could not be made.
@@ -146,6 +149,8 @@ pub struct Run<'a> {
     pub hierarchical: Option<HierarchicalReport>,
     /// What the scene does not need and was left out.
     pub left_out: Savings,
+    /// What the error asked for does not need and was left out.
+    pub bounded: Vec<Bounded>,
     /// The solution on the exposed elements.
     pub solution: Solution,
 }
@@ -199,6 +204,11 @@ impl Run<'_> {
     /// Time of all phases, in seconds.
     pub fn seconds(&self) -> f64 {
         (self.meshing.time + self.form_factors.time + self.solution.time).as_secs_f64()
+    }
+
+    /// Bound of the rms change of irradiance by all bounded omissions, relative to its mean level; `None` if one has no bound.
+    pub fn bounded_error(&self) -> Option<f64> {
+        self.bounded.iter().map(|omission| omission.bound).sum()
     }
 
     /// Counts of all phases but verification.
@@ -309,7 +319,7 @@ pub fn run_meshed<'a>(
         return Ok(made.run(geometry, meshing));
     }
     let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
-    let (store, known) = fill_checked(&geometry, rows, unblocked(strategy.method), strategy)?;
+    let (store, known) = fill_thinned(&geometry, rows, unblocked(strategy.method), strategy)?;
     let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
     drop(store);
     Ok(made.run(geometry, meshing))
@@ -366,6 +376,7 @@ pub(crate) struct Made {
     forecast: Option<Forecasted>,
     hierarchical: Option<HierarchicalReport>,
     pub(crate) left_out: Savings,
+    pub(crate) missed: Vec<Missed>,
     pub(crate) solution: Solution,
 }
 
@@ -388,6 +399,7 @@ impl Made {
             forecast: None,
             hierarchical: None,
             left_out: Savings::default(),
+            missed: Vec::new(),
             solution,
         }
     }
@@ -403,7 +415,9 @@ impl Made {
     }
 
     pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, left_out, solution } = self;
+        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, left_out, missed, solution } =
+            self;
+        let bounded = missed.into_iter().map(|missed| missed.relative_to(&geometry, &solution.irradiance)).collect();
         Run {
             geometry,
             meshing,
@@ -414,6 +428,7 @@ impl Made {
             forecast,
             hierarchical,
             left_out,
+            bounded,
             solution,
         }
     }
@@ -430,6 +445,7 @@ pub(crate) struct Known {
     pub form_factors: Phase,
     pub repair: Option<Repair>,
     pub checks: Check,
+    pub thinned: Vec<Thinned>,
 }
 
 /// What checks of a store are to say.
@@ -478,7 +494,7 @@ pub(crate) fn fill_checked<'r>(
     if let (true, None, Filled::Held(store)) = (strategy.repair, &repair, &mut store) {
         repair = Some(mend(&mut **store, &areas, closed)?);
     }
-    Ok((store, Known { form_factors, repair, checks }))
+    Ok((store, Known { form_factors, repair, checks, thinned: Vec::new() }))
 }
 
 /// Solves on a store in the shape of `strategy`, from radiosities of a similar scene if they are given, and checks it.
@@ -490,7 +506,8 @@ pub(crate) fn solve_stored(
     from: Option<Bands<'_>>,
     observer: &mut dyn Observer,
 ) -> Result<Made, RunError> {
-    let Known { mut form_factors, repair, checks } = known;
+    let Known { mut form_factors, repair, checks, thinned } = known;
+    let mut missed = Vec::new();
     let form = strategy.shape.form();
     let (forecast, solution, patch_bytes) = match strategy.shape {
         Shape::TwoLevel => {
@@ -502,8 +519,11 @@ pub(crate) fn solve_stored(
         }
         _ => with_system(geometry, store, form, |system| {
             let forecast = foresee(system, strategy)?;
-            let solver = &mut *named(&strategy.solver, strategy.seed)?;
-            Ok((forecast, solve_from(system, solver, &stop_rule(strategy), observer, from)?, 0))
+            let (mut solution, unfollowed) = solve_until(system, strategy, observer, from)?;
+            let (dropped, cost) = thin::missed(system, &thinned, &solution.radiosity, strategy)?;
+            solution.verification += cost;
+            missed.extend(dropped.into_iter().chain(unfollowed));
+            Ok((forecast, solution, 0))
         })?,
     };
     let held = store.properties().stored_bytes;
@@ -517,7 +537,7 @@ pub(crate) fn solve_stored(
         Check::Find(..) => None,
     };
     let stored_bytes = held + patch_bytes;
-    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, ..Made::of_solution(solution) })
+    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, missed, ..Made::of_solution(solution) })
 }
 
 /// Checks a store between the elements or patches that `form` says.

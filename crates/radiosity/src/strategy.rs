@@ -238,6 +238,12 @@ pub struct Strategy {
     pub omit: Omissions,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.
     pub asked: Option<Vec<u32>>,
+    /// rms error of irradiance, relative to its level, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the full shape and a
+    /// store that holds them, and nothing elsewhere.
+    pub thin: Option<f64>,
+    /// rms error of irradiance, relative to its level, that bounces which are not followed may cause; the solver stops by it or by
+    /// `unshot`, whichever is first.
+    pub bounces: Option<f64>,
 }
 
 impl Strategy {
@@ -260,6 +266,8 @@ impl Strategy {
             memory: None,
             omit: Omissions::NONE,
             asked: None,
+            thin: None,
+            bounces: None,
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! The error of piecewise constant elements falls like the element size h, or like h^½ where shadows are sharp, so the
 //! difference between the answers on h and h/2 estimates the error on h and lies above the error on h/2 in either case
-//! but the worst, in which it is 0.4 of it. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
+//! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound; where only some surfaces are
+//! asked for, the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
 
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
@@ -16,8 +17,10 @@ pub struct ToleranceStep {
     pub subdivision: u32,
     /// Elements.
     pub elements: usize,
-    /// Difference from the refinement before, over the report grid.
+    /// Difference from the refinement before, over the report grid of what is asked for.
     pub difference: Option<ErrorMeasure>,
+    /// Bound of what was left out, see [`Run::bounded_error`]; infinite if there is none.
+    pub left_out: f64,
 }
 
 /// A run whose estimated error meets the tolerance, or the finest allowed.
@@ -26,7 +29,7 @@ pub struct ToleranceRun<'a> {
     pub run: Run<'a>,
     /// Every refinement, coarsest first.
     pub steps: Vec<ToleranceStep>,
-    /// Whether the last difference met the tolerance.
+    /// Whether the last difference and what was left out met the tolerance.
     pub met: bool,
 }
 
@@ -53,11 +56,15 @@ pub fn run_to_tolerance<'a>(
         let mut strategy = strategy.clone();
         strategy.mesh.elements = Subdivision::Uniform(subdivision);
         let run = run(scene, &strategy, &mut ())?;
-        let grid = GridValues::means(&run.geometry, &run.solution.irradiance, report_grid)?;
+        let mut grid = GridValues::means(&run.geometry, &run.solution.irradiance, report_grid)?;
+        if let Some(asked) = &strategy.asked {
+            grid = grid.on(asked);
+        }
+        let left_out = run.bounded_error().unwrap_or(f64::INFINITY);
         let difference = before.as_ref().map(|before| before.error(&grid));
         let elements = run.geometry.elements().len();
-        let met = difference.as_ref().is_some_and(|d| d.rms <= tolerance);
-        steps.push(ToleranceStep { subdivision, elements, difference });
+        let met = difference.as_ref().is_some_and(|d| d.rms + left_out <= tolerance);
+        steps.push(ToleranceStep { subdivision, elements, difference, left_out });
         if met || elements * 4 > most_elements {
             return Ok(ToleranceRun { run, steps, met });
         }

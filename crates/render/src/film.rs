@@ -195,7 +195,9 @@ impl Film {
     fn deviations(&self) -> Vec<f64> {
         let (width, height) = (self.width as usize, self.height as usize);
         let errors = self.standard_errors();
-        let variance = |(pixel, errors): (usize, &[f64])| self.allotment.nets(pixel) as f64 * errors.iter().map(|e| e * e).sum::<f64>();
+        let variance = |(pixel, errors): (usize, &[f64])| {
+            self.allotment.nets(pixel) as f64 * errors.iter().map(|e| e * e).sum::<f64>()
+        };
         let variances: Vec<f64> = errors.chunks_exact(self.bands).enumerate().map(variance).collect();
         let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         let deviation = |pixel: usize| {
@@ -300,7 +302,8 @@ mod tests {
             film.expose(seed, |[x, y], numbers, value| {
                 let u = numbers.draw();
                 let sees = x < 3 && y < 3;
-                value[0] += if sees { 50.0 * f64::from(u8::from((4099.0 * u[1]).fract() < 0.02)) } else { 1.0 + 1e-3 * u[0] };
+                value[0] +=
+                    if sees { 50.0 * f64::from(u8::from((4099.0 * u[1]).fract() < 0.02)) } else { 1.0 + 1e-3 * u[0] };
                 Cost { rays: 1, ..Cost::default() }
             });
         }

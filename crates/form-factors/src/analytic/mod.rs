@@ -58,6 +58,7 @@ use crate::{Estimate, Pairwise, Run};
 use area_quadrature::Bounded;
 use blocks::{AWAY, Source};
 use pair::FacingPair;
+pub(crate) use pair::rounding;
 use partial::{Blocked, Bodies, Visible};
 use sampling::visible_share;
 use visibility::{Blocking, Screens, Visibility};
@@ -127,6 +128,11 @@ pub enum PartialVisibility {
         /// than `samples`. It is itself an estimate from 8 replicates, with a heavy tail where few segments are blocked.
         standard_error: f64,
     },
+}
+
+/// Whether two polygons face each other, as the estimator has it.
+pub(crate) fn faces(i: &Polygon, j: &Polygon) -> bool {
+    FacingPair::faces(i, j)
 }
 
 impl Default for PartialVisibility {

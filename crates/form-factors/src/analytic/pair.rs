@@ -84,7 +84,7 @@ fn slack(i: &Polygon, j: &Polygon) -> (f64, f64) {
 }
 
 /// Distances that rounding of the coordinates can produce: 8 ε times the largest coordinate.
-pub(super) fn rounding(vertices: &[DVec3]) -> f64 {
+pub(crate) fn rounding(vertices: &[DVec3]) -> f64 {
     8.0 * f64::EPSILON * vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
 }
 

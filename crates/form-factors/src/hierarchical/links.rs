@@ -61,7 +61,8 @@ impl Links {
     /// Estimated rms error of the irradiance of elements with this brightness, relative to its mean.
     ///
     /// ```text
-    /// √( Σ_links (ε_p² + ε_q²) / Σ A )       where receivers get what is linear over them ([`Brightness::linear`])
+    /// √( Σ_links (ε_p² + ε_q²) / Σ A )       each ε² as often as it counts ([`Brightness::worth`]), where receivers get what is linear over them
+    /// ([`Brightness::linear`])
     /// √( Σ_e A_e (Σ_{p ∋ e} Σ_{links of p} ε_p/√A_p)² / Σ A )      where they hold one value
     /// ```
     ///
@@ -88,7 +89,7 @@ impl Links {
                 off[k] += off[hierarchy.parents[k] as usize];
             }
             if node.is_leaf() {
-                sum += f64::from(node.area) * off[k].powi(2);
+                sum += f64::from(node.area) * f64::from(brightness.counts(k)) * off[k].powi(2);
             }
         }
         (sum / total).sqrt()

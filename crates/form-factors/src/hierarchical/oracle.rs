@@ -10,7 +10,9 @@
 //!
 //! This is the oracle B·F·A in the norm in which errors are reported, Σ A (H − H*)²: a node's own size counts, so that small nodes may
 //! see coarse partners; w ≥ 1 gives a surface smaller than the mean of all as much weight as that has, since small surfaces are often the
-//! bright ones and an area alone lets them err by several times what walls do. Refining the link with the largest ε² gains most for its cost, so all are brought below one threshold τ.
+//! bright ones and an area alone lets them err by several times what walls do; where errors of some elements count more than others
+//! ([`Brightness::worth`]), w has the mean of that over
+//! the node as a factor. Refining the link with the largest ε² gains most for its cost, so all are brought below one threshold τ.
 //!
 //! δκ is c₄((R_p + R_q)/r)⁴ κ for the product rule between nodes of one plane, and the standard error of what was sampled where
 //! blockers or clusters take part (`sample`). Where nodes are nearer than samples can be trusted, a proven bound takes the place of all three:
@@ -52,6 +54,8 @@ pub(super) struct Contributions {
     area: [f32; 2],
     /// How much more errors on either count than its area says.
     share: [f32; 2],
+    /// What it counts.
+    worth: [f32; 2],
     mean: [f32; 2],
     deviation: [f32; 2],
     /// What is left of σ on either receiver.
@@ -60,13 +64,16 @@ pub(super) struct Contributions {
 
 impl Contributions {
     pub fn of(hierarchy: &Hierarchy, brightness: &Brightness, p: u32, q: u32) -> Self {
-        let (a, b, share) = (p as usize, q as usize, [p, q].map(|k| hierarchy.share(k)));
+        let (a, b) = (p as usize, q as usize);
+        let worth = [a, b].map(|k| brightness.counts(k));
+        let share = [hierarchy.share(p) * worth[0], hierarchy.share(q) * worth[1]];
         let (p, q) = (&hierarchy.nodes[a], &hierarchy.nodes[b]);
         let ratio = (p.radius + q.radius) / p.centre.distance(q.centre).max(f32::MIN_POSITIVE);
         let left = |node: &Node| if brightness.linear && node.is_parallelogram() { ratio.min(1.0) } else { 1.0 };
         Self {
             area: [p.area, q.area],
             share,
+            worth,
             mean: [brightness.mean[a], brightness.mean[b]],
             deviation: [brightness.deviation[a], brightness.deviation[b]],
             left: [left(p), left(q)],
@@ -86,9 +93,9 @@ impl Contributions {
         self.errors(estimate, self.share)
     }
 
-    /// ε_p² + ε_q².
+    /// ε_p² + ε_q², each as often as it counts.
     pub fn square(&self, estimate: Estimate) -> f32 {
-        let [p, q] = self.errors(estimate, [1.0; 2]);
+        let [p, q] = self.errors(estimate, self.worth);
         p + q
     }
 

@@ -7,12 +7,13 @@
 //! | [`PackedFormFactors`] | symmetric entries once, in tiles of 4 or 8 bytes an entry | a row copied to the caller's buffer | large closed rooms, products at the speed of memory |
 //! | [`MovableFormFactors`] | every entry, 8 bytes | without a copy | meshes that are refined between solutions |
 //! | [`DiagonalBlocks`] | stores of parts that exchange nothing | as its parts | rooms that do not see each other |
+//! | [`ThinnedFormFactors`] | a store without small pairs, and the sums of its rows | a row copied | answers within a tolerance |
 //! | [`OnDemand`] | nothing, or the rows asked for so far | a row computed in the caller's buffer | shooting, little memory |
 //!
 //! All of them give the same bytes at any number of threads, and all but the packed one serve rectangular and unsymmetric
 //! rows too. Those that hold their entries are [`Held`] and can be scaled in place, for [`crate::repair`]. [`aggregate`] sums rows and
-//! columns of elements to patches. What is *not* here: estimators, and any change of a value that nobody asked for (normalising, dropping
-//! small entries).
+//! columns of elements to patches. What is *not* here: estimators, and any change of a value that nobody asked for (normalising; small pairs are
+//! dropped by [`crate::thinning`]).
 
 mod dense;
 mod diagonal_blocks;
@@ -23,6 +24,7 @@ mod movable;
 mod on_demand;
 mod packed;
 mod sparse;
+mod thinned;
 mod tiles;
 
 use std::ops::Range;
@@ -37,6 +39,7 @@ pub use movable::{MovableFormFactors, Source};
 pub use on_demand::{Keep, OnDemand};
 pub use packed::PackedFormFactors;
 pub use sparse::SparseFormFactors;
+pub use thinned::{GivenBack, ThinnedFormFactors};
 pub use tiles::Entry;
 
 /// A store that holds its entries, with a bound for each row, and can scale them in place.

@@ -4,10 +4,11 @@
 //! distance d_ep with an error of about
 //!
 //! ```text
-//! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e (F_ep v_p min(1, s_p/d_ep))²
+//! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e Y_e (F_ep v_p min(1, s_p/d_ep))²
 //! ```
 //!
-//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep. The fewest patches are cut that carry three quarters of Σ E_p²; one
+//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep; Y is the importance of e to what is asked for
+//! ([`crate::Importance`]), 1 if that is all. The fewest patches are cut that carry three quarters of Σ E_p²; one
 //! whose elements are all in one node gets finer elements first, to be cut along. Of elements as many are cut as carry what has to go: cutting divides ε² by
 //! four where H is smooth (bulk criterion; W. Dörfler, SIAM J. Numer. Anal. 33, 1996). What is *not* here: whether it is needed.
 
@@ -15,7 +16,7 @@ use glam::DVec3;
 use radiosity_core::Solution;
 use rayon::prelude::*;
 
-use super::measure::{level, patch_means};
+use super::measure::{asked_areas, level, patch_means};
 use super::shadows::crossed;
 use super::variation::Variation;
 use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
@@ -44,7 +45,7 @@ pub(super) struct Marks {
 pub(super) fn marks(
     state: &State<'_>,
     solved: &Solution,
-    variation: &Variation,
+    (variation, worth): (&Variation, Option<&[f64]>),
     estimate: &ErrorEstimate,
     adaptive: &Adaptive,
 ) -> Marks {
@@ -55,21 +56,21 @@ pub(super) fn marks(
     let share = if early { EARLY * adaptive.senders } else { adaptive.senders };
     let cut_patches = estimate.senders > share * adaptive.tolerance;
 
-    // Elements.
+    // Elements, of what is asked for.
+    let asked = asked_areas(state);
     let mut cut: Vec<usize> = match adaptive.criterion {
         Criterion::Gradient(share) => {
             let most = geometry.reflectance().values().iter().copied().fold(0.0, f64::max);
             let rho = geometry.reflectance();
             let steep = |&e: &usize| {
                 let rho = (0..rho.count()).map(|b| rho.band(b)[e]).fold(0.0, f64::max);
-                rho * variation.steps[e] > share * most * level
+                asked[e] > 0.0 && rho * variation.steps[e] > share * most * level
             };
             (0..geometry.elements().len()).filter(steep).collect()
         }
-        Criterion::Discontinuities => crossed(geometry),
+        Criterion::Discontinuities => crossed(geometry).into_iter().filter(|&e| asked[e] > 0.0).collect(),
         Criterion::Estimate if adaptive.goal == Goal::Points => {
-            let squares: Vec<f64> =
-                (0..geometry.elements().len()).map(|e| geometry.elements().area(e) * variation.squares[e]).collect();
+            let squares: Vec<f64> = (0..geometry.elements().len()).map(|e| asked[e] * variation.squares[e]).collect();
             let others = (estimate.total().powi(2) - estimate.elements.powi(2)) / adaptive.tolerance.powi(2);
             let wanted = (1.0 - others).max(ELEMENTS) * (adaptive.tolerance * level).powi(2) * total;
             let now = squares.iter().sum::<f64>();
@@ -80,7 +81,7 @@ pub(super) fn marks(
 
     // Patches, or their elements if there is nothing to cut them along.
     if cut_patches {
-        let errors = sender_errors(state, solved, variation);
+        let errors = sender_errors(state, solved, variation, worth);
         let sum: f64 = errors.iter().sum();
         let mut members = vec![Vec::new(); geometry.patches().len()];
         geometry.parent().iter().enumerate().for_each(|(e, &p)| members[p as usize].push(e));
@@ -115,7 +116,7 @@ fn bulk(squares: &[f64], share: f64) -> Vec<usize> {
 }
 
 /// E_p² of every patch.
-fn sender_errors(state: &State<'_>, solved: &Solution, variation: &Variation) -> Vec<f64> {
+fn sender_errors(state: &State<'_>, solved: &Solution, variation: &Variation, worth: Option<&[f64]>) -> Vec<f64> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
     let (elements, patches) = (geometry.elements(), geometry.patches());
     let (means, rho, bands) = (patch_means(state, b), geometry.reflectance(), b.count());
@@ -137,9 +138,10 @@ fn sender_errors(state: &State<'_>, solved: &Solution, variation: &Variation) ->
             let mut sums = vec![0.0; patches.len()];
             for e in piece * PIECE..m.min((piece + 1) * PIECE) {
                 let (centre, area) = (elements.polygons(e)[0].centroid(), elements.area(e));
+                let worth = worth.map_or(1.0, |worth| worth[e]);
                 for (p, &exchange) in state.store.entries(e).iter().enumerate().filter(|(_, f)| **f > 0.0) {
                     let near = (patches.area(p) / centres[p].distance_squared(centre)).min(1.0);
-                    sums[p] += exchange * exchange / area * v2[p] * near;
+                    sums[p] += worth * exchange * exchange / area * v2[p] * near;
                 }
             }
             sums

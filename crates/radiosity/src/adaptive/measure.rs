@@ -12,7 +12,15 @@
 //!
 //! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
 //! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
-//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. The total adds
+//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums
+//! over elements and ⟨H⟩ are theirs alone,
+//! and what errs elsewhere counts by its importance Y to them ([`crate::Importance`]); half of the probes are theirs, half spread evenly over A (Y − W):
+//!
+//! ```text
+//! senders        ⟨δ²⟩_W^½ + ( (a − 1) Σ A (Y − W) / A_W ⟨δ²⟩_(Y−W) )^½      = a ⟨δ²⟩^½ if all are asked for
+//! ```
+//!
+//! The total adds
 //! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and shadows that no element has seen.
 
 use radiosity_core::{BandValues, Form, Solution, StoreError};
@@ -23,6 +31,7 @@ use rayon::prelude::*;
 use super::variation::Variation;
 use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
+use crate::importance::is_asked;
 use crate::{Method, RunError};
 
 /// Probes, and rays of each: few tell what senders cost, in which their noise cancels, more what that of other rows is.
@@ -50,10 +59,19 @@ impl ErrorEstimate {
     }
 }
 
-/// ⟨H⟩ over the area of the scene and the bands, and that area.
-pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
+/// Areas of the elements that are asked for, 0 for the others.
+pub(super) fn asked_areas(state: &State<'_>) -> Vec<f64> {
     let areas = state.geometry.elements().areas();
-    let total: f64 = state.geometry.mesh().areas().iter().sum();
+    areas.into_iter().zip(state.is_asked()).map(|(area, asked)| if asked { area } else { 0.0 }).collect()
+}
+
+/// ⟨H⟩ over the area that is asked for and the bands, and that area.
+pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
+    let areas = asked_areas(state);
+    let mesh = state.geometry.mesh();
+    let surfaces: Vec<u32> = mesh.elements.iter().map(|element| element.surface).collect();
+    let asked = is_asked(state.asked.as_deref(), &surfaces);
+    let total: f64 = mesh.areas().iter().zip(asked).filter(|(_, asked)| *asked).map(|(area, _)| area).sum();
     let sum: f64 = (0..h.count()).flat_map(|b| areas.iter().zip(h.band(b)).map(|(a, h)| a * h)).sum();
     (sum / (h.count() as f64 * total), total)
 }
@@ -71,11 +89,11 @@ fn cell_areas(state: &State<'_>, k: u32) -> Vec<f64> {
 pub(super) fn measure(
     state: &State<'_>,
     solved: &Solution,
-    variation: &Variation,
+    (variation, worth): (&Variation, Option<&[f64]>),
     adaptive: &Adaptive,
     seed: u64,
 ) -> Result<ErrorEstimate, RunError> {
-    let areas = state.geometry.elements().areas();
+    let (areas, asked) = (state.geometry.elements().areas(), asked_areas(state));
     let (level, total) = level(state, &solved.irradiance);
     if level == 0.0 {
         return Ok(ErrorEstimate { solver: Some(0.0), ..ErrorEstimate::default() });
@@ -86,18 +104,32 @@ pub(super) fn measure(
     };
     let shown = |e: usize| cells.as_ref().map_or(1.0, |cells| (1.0 - cells[e] * (1.0 + 1e-9) / areas[e]).max(0.0));
     let averaged = |e: usize| cells.as_ref().map_or(1.0, |cells| (areas[e] / cells[e]).min(1.0));
-    let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| areas[e] * square * shown(e)).sum();
+    let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| asked[e] * square * shown(e)).sum();
 
     let emitted: f64 = power(&areas, &state.geometry.emission());
     let reflected = power(&areas, &solved.radiosity) / emitted;
     let noisy = !matches!(state.method, Method::Analytic { .. });
     let elements = (inside / total).sqrt() / level;
     let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
-    let probed = probe(state, solved, variation, (rays, seed), &averaged)?;
+    // What is asked for, and what it sees by its importance.
+    let indirect: Option<Vec<f64>> = worth.map(|worth| {
+        let beyond = areas.iter().zip(&asked).zip(worth).map(|((area, asked), worth)| area * worth - asked);
+        beyond.map(|area| area.max(0.0)).collect()
+    });
+    let share = |weights: &[f64]| weights.iter().sum::<f64>() / asked.iter().sum::<f64>();
+    let (probes, far) = match &indirect {
+        None => (spread_over(&areas, PROBES), Vec::new()),
+        Some(weights) => (spread_over(&asked, PROBES / 2), spread_over(weights, PROBES / 2)),
+    };
+    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), &averaged)?;
+    let senders = match &indirect {
+        None => reflected * near.senders.sqrt(),
+        Some(weights) => near.senders.sqrt() + ((reflected - 1.0).max(0.0) * share(weights) * far.senders).sqrt(),
+    };
     Ok(ErrorEstimate {
         elements,
-        senders: reflected * probed.senders.sqrt() / level,
-        form_factors: noisy.then(|| probed.rows.sqrt() / level),
+        senders: senders / level,
+        form_factors: noisy.then(|| near.rows.sqrt() / level),
         solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
     })
 }
@@ -107,7 +139,8 @@ fn power(areas: &[f64], x: &BandValues) -> f64 {
     (0..x.count()).flat_map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x)).sum()
 }
 
-/// Mean squares over the probes and bands.
+/// Mean squares over some probes and the bands.
+#[derive(Default)]
 struct Probed {
     senders: f64,
     rows: f64,
@@ -116,12 +149,12 @@ struct Probed {
 fn probe(
     state: &State<'_>,
     solved: &Solution,
-    variation: &Variation,
+    (variation, groups): (&Variation, [&Vec<usize>; 2]),
     (rays, seed): (u32, u64),
     averaged: &(dyn Fn(usize) -> f64 + Sync),
-) -> Result<Probed, RunError> {
+) -> Result<[Probed; 2], RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
-    let probes = spread_over(&geometry.elements().areas());
+    let probes = groups.map(|group| &group[..]).concat();
     let mut sources = Facets::new();
     probes.iter().for_each(|&e| sources.push(geometry.elements().polygons(e).to_vec(), false));
 
@@ -166,16 +199,20 @@ fn probe(
     };
     let done: Result<Vec<[f64; 2]>, StoreError> = (0..probes.len()).into_par_iter().map(squares).collect();
     let done = done?;
-    let mean = |which: usize| done.iter().map(|s| s[which]).sum::<f64>() / (done.len() * b.count()) as f64;
-    Ok(Probed { senders: mean(0), rows: mean(1) })
+    let (near, far) = done.split_at(groups[0].len());
+    let of_group = |of: &[[f64; 2]]| {
+        let mean = |which: usize| of.iter().map(|s| s[which]).sum::<f64>() / (of.len() * b.count()) as f64;
+        if of.is_empty() { Probed::default() } else { Probed { senders: mean(0), rows: mean(1) } }
+    };
+    Ok([of_group(near), of_group(far)])
 }
 
-/// Elements at equal steps of the area, each once.
-fn spread_over(areas: &[f64]) -> Vec<usize> {
+/// At most `count` elements at equal steps of the area, each once.
+fn spread_over(areas: &[f64], count: usize) -> Vec<usize> {
     let total: f64 = areas.iter().sum();
-    let (mut found, mut before) = (Vec::with_capacity(PROBES), 0.0);
+    let (mut found, mut before) = (Vec::with_capacity(count), 0.0);
     for (e, area) in areas.iter().enumerate() {
-        let at = |area: f64| (area / total * PROBES as f64 - 0.5).ceil();
+        let at = |area: f64| (area / total * count as f64 - 0.5).ceil();
         if at(before + area) > at(before) {
             found.push(e);
         }

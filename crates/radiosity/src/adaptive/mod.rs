@@ -13,6 +13,9 @@
 //! patch is cut where it is too large for those it lights: of a pairwise estimator the columns of its parts are new work, of a row-wise one the
 //! rows that see it are computed again, with the same rays. Both are counted ([`Round`]).
 //!
+//! Where only some surfaces are asked for ([`Strategy::asked`]), the error is that of theirs, and what other elements err by counts by its importance to them
+//! ([`Importance`]): elsewhere the mesh stays as coarse as light needs.
+//!
 //! The error is estimated in parts, see [`ErrorEstimate`]. What is *not* here: uniform refinement ([`crate::run_to_tolerance`]), and links between
 //! levels.
 
@@ -29,7 +32,10 @@ use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
 use radiosity_geometry::{Facets, Scene};
 
+use crate::bounces::omission;
+use crate::bounded::{Bounded, largest};
 use crate::estimate::{build, patch_rows};
+use crate::importance::{Importance, is_asked, largest_of, weights};
 use crate::run::named;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
 
@@ -168,7 +174,7 @@ pub struct AdaptiveRun<'a> {
     pub met: bool,
 }
 
-/// Solves `scene` to the tolerance of `adaptive`, with the method, solver, stopping rule and seed of `strategy`, which gathers from patches.
+/// Solves `scene` to the tolerance of `adaptive`, with the method, solver, stopping rule, seed and asked surfaces of `strategy`, which gathers from patches.
 ///
 /// # Errors
 ///
@@ -188,14 +194,15 @@ pub fn run_adaptive<'a>(
         let solved = state.solve(strategy)?;
         let clock = Instant::now();
         let variation = Variation::new(&state.geometry, &solved.irradiance);
-        let estimate = measure(&state, &solved, &variation, adaptive, strategy.seed)?;
+        let worth = state.worth(strategy)?;
+        let estimate = measure(&state, &solved, (&variation, worth.as_deref()), adaptive, strategy.seed)?;
         state.estimating += clock.elapsed();
         state.rounds.push(Round { steps: solved.steps, estimate, ..state.round });
         let met = estimate.total() <= tolerance;
-        let plan = if met { None } else { state.plan(&solved, &variation, &estimate, adaptive) };
+        let plan = if met { None } else { state.plan(&solved, (&variation, worth.as_deref()), &estimate, adaptive) };
         match plan {
             Some(plan) => state.follow(plan, &solved.radiosity)?,
-            None => return Ok(state.finish(solved, met)),
+            None => return Ok(state.finish(solved, met, strategy, tolerance)),
         }
     }
 }
@@ -210,6 +217,10 @@ struct State<'a> {
     store: MovableFormFactors,
     method: Method,
     seed: u64,
+    /// Surfaces asked for, if not all are.
+    asked: Option<Vec<u32>>,
+    /// Elements that the first mesh would have beside its own if all were.
+    coarse: u64,
     /// B to start from.
     start: Option<BandValues>,
     round: Round,
@@ -227,9 +238,14 @@ impl<'a> State<'a> {
         let cells = adaptive.cells;
         // Every part of a cell that a contact cuts is a patch of its own: light does not pass a partition within one.
         let mut geometry = Geometry::new(scene, &MeshSettings { elements: cells, patches: None, contacts: true })?;
+        let (asked, mut coarse) = (strategy.asks().map(<[u32]>::to_vec), 0);
         for _ in 0..adaptive.level.max(adaptive.nesting(&geometry)) {
-            let all = vec![true; geometry.mesh().elements.len()];
-            geometry = geometry.on(geometry.mesh().refined(&all).mesh);
+            let surfaces: Vec<u32> = geometry.mesh().elements.iter().map(|element| element.surface).collect();
+            let some = is_asked(asked.as_deref(), &surfaces);
+            let left = some.iter().filter(|asked| !**asked).count() as u64;
+            // Each would be four, as would those that are missing already.
+            coarse = 4 * coarse + 3 * left;
+            geometry = geometry.on(geometry.mesh().refined(&some).mesh);
         }
         let mut state = Self {
             geometry,
@@ -238,6 +254,8 @@ impl<'a> State<'a> {
             store: MovableFormFactors::default(),
             method: strategy.method,
             seed: strategy.seed,
+            asked,
+            coarse,
             start: None,
             round: Round {
                 elements: 0,
@@ -312,7 +330,7 @@ impl<'a> State<'a> {
         let form = Shape::ElementsToPatches.form();
         let parent = self.geometry.parent();
         let system = System::substructured(&self.store, form, &areas, parent, emission.view(), reflectance.view())?;
-        let rule = StopRule::unshot(strategy.unshot).steps(strategy.steps);
+        let rule = StopRule::unshot(self.unshot(strategy)).steps(strategy.steps);
         let from = self.start.as_ref().map(BandValues::view);
         let solved = solve_from(&system, &mut *named(&strategy.solver, strategy.seed)?, &rule, &mut (), from)?;
         self.solving.cost += solved.cost;
@@ -320,17 +338,49 @@ impl<'a> State<'a> {
         Ok(solved)
     }
 
+    /// η at which the bounces that are left err by what they may, or that asked for.
+    fn unshot(&self, strategy: &Strategy) -> f64 {
+        let error = strategy.leaves_bounces();
+        error.map_or(strategy.unshot, |error| (error * (1.0 - self.reflectance())).max(strategy.unshot))
+    }
+
+    /// ρ_max.
+    fn reflectance(&self) -> f64 {
+        largest(&self.geometry.reflectance()).into_iter().fold(0.0, f64::max)
+    }
+
+    /// Whether each exposed element is asked for.
+    fn is_asked(&self) -> Vec<bool> {
+        is_asked(self.asked.as_deref(), &self.geometry.surfaces())
+    }
+
+    /// What an error of the irradiance of each element is worth; `None` if all surfaces are asked for alike.
+    fn worth(&mut self, strategy: &Strategy) -> Result<Option<Vec<f64>>, RunError> {
+        if self.asked.is_none() {
+            return Ok(None);
+        }
+        let (emission, reflectance) = (self.geometry.emission(), self.geometry.reflectance());
+        let (areas, parent) = (self.geometry.elements().areas(), self.geometry.parent());
+        let form = Shape::ElementsToPatches.form();
+        let system = System::substructured(&self.store, form, &areas, parent, emission.view(), reflectance.view())?;
+        let stop = StopRule::unshot(WORTH).unverified();
+        let (importance, solved) = Importance::new(&system, &weights(&self.is_asked()), &strategy.solver, &stop)?;
+        self.solving.cost += solved.cost;
+        self.solving.time += solved.time;
+        Ok(Some(largest_of(&importance.of_irradiance)))
+    }
+
     /// What to cut, or `None` if nothing can be cut that would help.
     fn plan(
         &mut self,
         solved: &Solution,
-        variation: &Variation,
+        (variation, worth): (&Variation, Option<&[f64]>),
         estimate: &ErrorEstimate,
         adaptive: &Adaptive,
     ) -> Option<Plan> {
         let clock = Instant::now();
         let method = more_rays(self.method, estimate, adaptive.tolerance);
-        let marks = marks::marks(self, solved, variation, estimate, adaptive);
+        let marks = marks::marks(self, solved, (variation, worth), estimate, adaptive);
         let elements = self.geometry.mesh().refined(&marks.elements);
         let patches = elements.mesh.with_patches_split(&marks.patches);
         let cut = |origins: &[Origin]| origins.iter().any(|o| matches!(o, Origin::Part(_)));
@@ -384,7 +434,8 @@ impl<'a> State<'a> {
         Ok(())
     }
 
-    fn finish(self, solution: Solution, met: bool) -> AdaptiveRun<'a> {
+    fn finish(self, solution: Solution, met: bool, strategy: &Strategy, tolerance: f64) -> AdaptiveRun<'a> {
+        let bounded = self.bounded(&solution, strategy, tolerance);
         let solution = Solution { cost: self.solving.cost, time: self.solving.time, ..solution };
         let run = Run {
             hierarchical: None,
@@ -396,9 +447,28 @@ impl<'a> State<'a> {
             checked: None,
             repair: None,
             left_out: crate::plan::Savings::default(),
+            bounded,
             solution,
         };
         AdaptiveRun { run, rounds: self.rounds, estimating: self.estimating, method: self.method, met }
+    }
+
+    /// What was left out within the tolerance; its bounds are parts of the estimate.
+    fn bounded(&self, solution: &Solution, strategy: &Strategy, tolerance: f64) -> Vec<Bounded> {
+        let coarse = self.asked.as_ref().map(|_| Bounded {
+            reason: "what they err by counts by its importance to the faces asked for",
+            what: "refinement to the report of faces not asked for".to_owned(),
+            counted: "rows",
+            predicted: self.coarse,
+            measured: None,
+            prior: tolerance,
+            bound: None,
+        });
+        let estimate = self.rounds.last().and_then(|round| round.estimate.solver);
+        let bounces = strategy
+            .leaves_bounces()
+            .map(|error| Bounded { bound: estimate, ..omission(strategy, self.reflectance(), error, solution.steps) });
+        coarse.into_iter().chain(bounces).collect()
     }
 }
 
@@ -412,6 +482,9 @@ struct Plan {
     mesh: Mesh,
     method: Method,
 }
+
+/// Unshot share to which importance is solved for.
+const WORTH: f64 = 1e-3;
 
 /// Rays a row, at most.
 const MOST_RAYS: u32 = 1 << 17;

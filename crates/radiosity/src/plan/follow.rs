@@ -13,7 +13,8 @@ use radiosity_geometry::Facets;
 use super::{Band, BandPlan, Plan, Role};
 use crate::estimate::{analytic, ends};
 use crate::hierarchical::solve_by_links;
-use crate::run::{Check, Known, Made, fill_checked, solve_stored, unblocked};
+use crate::run::{Check, Known, Made, solve_stored, unblocked};
+use crate::thin::fill_thinned;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Store, Strategy};
 
 /// Elements on the surfaces that a test picks, ascending.
@@ -88,11 +89,21 @@ pub(crate) fn follow<'a>(
             (0..irradiance.count()).for_each(|b| irradiance.band_mut(b)[blocker as usize] = f64::NAN);
         }
         made.solution.irradiance = irradiance;
+        // What black elements gather is off by no more than the light that senders reflect wrongly.
+        let black = plan.roles.contains(&Role::Receives);
+        let rho = part.reflectance().values().iter().copied().fold(0.0, f64::max);
+        let more = if black { (1.0 + rho * rho).sqrt() } else { 1.0 };
+        for by in made.missed.iter_mut().filter_map(|missed| missed.by.as_mut()) {
+            *by = spread(&plan.bands, &all.elements, surfaces.len(), by);
+            by.values_mut().iter_mut().for_each(|by| *by *= more);
+        }
         made.solution.time += clock.elapsed();
         made
     };
     let bands = plan.bands.solved.len();
-    let cost = made.form_factors.cost + made.solution.cost;
+    let mut cost = made.form_factors.cost + made.solution.cost;
+    // What the error does not need is counted with its bound.
+    cost.form_factors += made.missed.iter().filter_map(|missed| missed.dropped_pairs()).sum::<u64>();
     made.left_out = savings.measured(unknowns, bands, &cost);
     Ok(made.run(geometry, meshing))
 }
@@ -139,7 +150,7 @@ fn solve_part(
     let rooms = plan.lit_rooms();
     if rooms.len() == 1 {
         let rows = selected_rows(whole, (part, all), None, strategy)?;
-        let (store, known) = fill_checked(part, rows, unblocked(strategy.method), strategy)?;
+        let (store, known) = fill_thinned(part, rows, unblocked(strategy.method), strategy)?;
         return solve_stored(part, store.store(), known, strategy, None, observer);
     }
     let of_room = |room: u32| {
@@ -151,17 +162,20 @@ fn solve_part(
     let systems: Vec<(Geometry<'_>, Selection)> = rooms.into_iter().map(of_room).collect();
     let mut form_factors = Phase::default();
     let mut blocks: Vec<Part<'_>> = Vec::new();
+    let mut thinned = Vec::new();
     let [all_sources, all_targets] = all.ends(form);
     for (own, selection) in &systems {
         let rows = selected_rows(whole, (own, selection), None, strategy)?;
-        let (store, known) = fill_checked(own, rows, None, strategy)?;
+        let (store, known) = fill_thinned(own, rows, None, strategy)?;
         form_factors.cost += known.form_factors.cost;
         form_factors.time += known.form_factors.time;
         let [sources, targets] = selection.ends(form);
-        blocks.push((store.boxed(), places(sources, all_sources), places(targets, all_targets)));
+        let own_places = places(sources, all_sources);
+        thinned.extend(known.thinned.into_iter().map(|thinned| thinned.renumbered(own_places.clone())));
+        blocks.push((store.boxed(), own_places, places(targets, all_targets)));
     }
     let store = DiagonalBlocks::new(blocks, all_sources.len(), all_targets.len());
-    let known = Known { form_factors, repair: None, checks: Check::Find(None, Duration::ZERO) };
+    let known = Known { form_factors, repair: None, checks: Check::Find(None, Duration::ZERO), thinned };
     solve_stored(part, &store, known, strategy, None, observer)
 }
 

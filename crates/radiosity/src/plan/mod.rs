@@ -14,7 +14,7 @@
 //! observers; the answer is of all elements.
 //!
 //! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
-//! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance.
+//! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance ([`crate::bounded`]).
 
 mod bands;
 mod counts;
@@ -154,7 +154,7 @@ impl Plan {
     }
 
     /// Whether no entry that is not 0 is missing in rows of the system.
-    fn keeps_rows(&self) -> bool {
+    pub(crate) fn keeps_rows(&self) -> bool {
         !self.roles.iter().any(|role| matches!(role, Role::Receives | Role::Blocks))
     }
 
@@ -164,7 +164,7 @@ impl Plan {
     }
 
     /// Rooms with unknowns, ascending.
-    fn lit_rooms(&self) -> Vec<u32> {
+    pub(crate) fn lit_rooms(&self) -> Vec<u32> {
         let lit = self.roles.iter().zip(&self.room).filter(|(role, _)| **role == Role::Exchanges);
         let mut rooms: Vec<u32> = lit.map(|(_, &room)| room).collect();
         rooms.sort_unstable();

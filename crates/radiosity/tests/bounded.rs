@@ -1,0 +1,240 @@
+//! Omissions within an asked error: the bound lies above what they change, the prior above the bound, and the counts are those predicted.
+
+mod common;
+
+use radiosity::plan::Omissions;
+use radiosity::{Adaptive, DirectLight, Goal, Importance, assemble, run_adaptive};
+use radiosity::{Bounded, GridValues, Method, Run, Store, Strategy, run};
+use radiosity_core::{Form, Outcome, StopRule, System};
+use radiosity_gallery::rooms::{black_floor, one_room, two_rooms};
+use radiosity_geometry::Scene;
+use radiosity_geometry::mesh::Subdivision;
+
+/// K × K elements a face, solved to rounding, omissions allowed.
+fn strategy(k: u32) -> Strategy {
+    Strategy {
+        unshot: 1e-13,
+        omit: Omissions::ALL,
+        ..Strategy::new(Subdivision::Uniform(k), Method::exact(1e-9, 1e-7))
+    }
+}
+
+/// rms difference of the irradiance of elements, relative to its mean over the scene, and that of report cells.
+fn differences(a: &Run<'_>, b: &Run<'_>) -> [f64; 2] {
+    let areas = a.geometry.elements().areas();
+    let total: f64 = a.geometry.mesh().areas().iter().sum();
+    let (x, y) = (&a.solution.irradiance, &b.solution.irradiance);
+    let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+        let band = |b: usize| areas.iter().zip(x.band(b)).zip(y.band(b)).map(|((a, x), y)| a * of(*x, *y)).sum::<f64>();
+        (0..x.count()).map(band).sum::<f64>() / (x.count() as f64 * total)
+    };
+    let cells = |run: &Run<'_>| GridValues::means(&run.geometry, &run.solution.irradiance, 4).unwrap();
+    [sum(&|x, y| (x - y).powi(2)).sqrt() / sum(&|_, y| y), cells(a).error(&cells(b)).rms]
+}
+
+/// Level by which the prior is relative, in units of that of the bound.
+fn rms_over_mean(run: &Run<'_>) -> f64 {
+    let areas = run.geometry.elements().areas();
+    let total: f64 = run.geometry.mesh().areas().iter().sum();
+    let h = &run.solution.irradiance;
+    let mean = |of: &dyn Fn(f64) -> f64| -> f64 {
+        let band = |b: usize| areas.iter().zip(h.band(b)).map(|(a, h)| a * of(*h)).sum::<f64>();
+        (0..h.count()).map(band).sum::<f64>() / (h.count() as f64 * total)
+    };
+    mean(&|h| h * h).sqrt() / mean(&|h| h)
+}
+
+fn only<'r>(run: &'r Run<'_>) -> &'r Bounded {
+    assert_eq!(run.bounded.len(), 1);
+    &run.bounded[0]
+}
+
+fn scenes() -> [(&'static str, Scene, u32); 4] {
+    [
+        ("one room", one_room(), 8),
+        ("two rooms", two_rooms([true, true]), 6),
+        ("black floor", black_floor(), 8),
+        ("Cornell box", common::cornell_box(), 5),
+    ]
+}
+
+/// 1e-7 is what partly blocked pairs err by.
+#[test]
+fn dropped_pairs_change_less_than_their_bound_and_that_is_less_than_the_prior() {
+    for (name, scene, k) in scenes() {
+        let whole = run(&scene, &strategy(k), &mut ()).unwrap();
+        for error in [0.3, 0.03, 0.003] {
+            for store in [Store::Dense, Store::Packed] {
+                let thin = Strategy { thin: Some(error), store, ..strategy(k) };
+                let thinned = run(&scene, &thin, &mut ()).unwrap();
+                let omission = only(&thinned);
+                let ([elements, cells], bound) = (differences(&thinned, &whole), omission.bound.unwrap());
+                println!(
+                    "{name} {error}: {elements:.2e} ≤ {bound:.2e} ≤ {:.2e}; {} pairs of {}",
+                    omission.prior,
+                    omission.predicted,
+                    whole.cost().form_factors
+                );
+                assert!(
+                    elements <= bound + 1e-7 && cells <= bound + 1e-7,
+                    "{name}, {error}: {elements} and {cells}, {bound}"
+                );
+                assert!(bound <= 1.01 * omission.prior * rms_over_mean(&thinned), "{name}, {error}");
+                assert!(omission.prior <= error * (1.0 + 1e-12));
+                let saved = whole.cost().form_factors - thinned.cost().form_factors;
+                assert_eq!((omission.predicted, omission.measured), (saved, Some(saved)), "{name}, {error}");
+                assert!(error < 0.03 || saved > 0, "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_without_their_small_pairs_still_sum_to_one() {
+    let scene = one_room();
+    let strategy = Strategy { thin: Some(0.3), store: Store::Sparse, ..strategy(8) };
+    let run = run(&scene, &strategy, &mut ()).unwrap();
+    let checks = run.checked.unwrap().checks;
+    assert!(checks.closure.unwrap().1.abs() < 1e-7 && checks.negative == 0);
+    assert!(checks.reciprocity.is_none_or(|(.., apart)| apart == 0.0));
+}
+
+#[test]
+fn nothing_is_dropped_where_everything_is_kept_or_rows_are_whole() {
+    let scene = one_room();
+    let allowed = Strategy { thin: Some(0.3), bounces: Some(0.3), ..strategy(4) };
+    for strategy in [
+        Strategy { method: Method::rays(64), bounces: None, ..allowed.clone() },
+        Strategy { store: Store::KeepAll, bounces: None, ..allowed.clone() },
+    ] {
+        let strategy = Strategy { solver: "gauss-seidel".to_owned(), ..strategy };
+        assert!(run(&scene, &strategy, &mut ()).unwrap().bounded.is_empty());
+    }
+    let refused = run(&scene, &Strategy { thin: Some(1.5), ..strategy(2) }, &mut ());
+    assert!(refused.err().unwrap().to_string().contains("1.5"));
+}
+
+/// Jacobi's steps are bounces: as many as said, of those that the unshot share takes at most.
+#[test]
+fn bounces_left_out_change_less_than_their_bound_and_the_solver_stops_by_their_number() {
+    for (name, scene, k) in scenes() {
+        for solver in ["jacobi", "gauss-seidel", "cg"] {
+            let strategy = Strategy { solver: solver.to_owned(), unshot: 1e-11, ..strategy(k.min(4)) };
+            let whole = run(&scene, &strategy, &mut ()).unwrap();
+            for error in [0.1, 0.01, 0.001] {
+                let some = Strategy { bounces: Some(error), ..strategy.clone() };
+                let some = run(&scene, &some, &mut ()).unwrap();
+                assert_eq!(some.solution.outcome, Outcome::Converged);
+                let omission = only(&some);
+                let ([elements, cells], bound) = (differences(&some, &whole), omission.bound.unwrap());
+                println!(
+                    "{name} {solver} {error}: {elements:.2e} ≤ {bound:.2e}, {} of {} steps, {}",
+                    some.solution.steps, whole.solution.steps, omission.what
+                );
+                assert!(
+                    elements <= bound && cells <= bound && bound <= error * 1.5,
+                    "{name}, {solver}, {error}: {elements}, {bound}"
+                );
+                assert!(some.solution.steps < whole.solution.steps);
+                assert!(omission.measured.unwrap() >= omission.predicted, "{name}, {solver}, {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bounds_of_several_omissions_add() {
+    let scene = one_room();
+    let whole = run(&scene, &strategy(6), &mut ()).unwrap();
+    let some = Strategy { thin: Some(0.03), bounces: Some(0.01), ..strategy(6) };
+    let some = run(&scene, &some, &mut ()).unwrap();
+    let sum: f64 = some.bounded.iter().map(|omission| omission.bound.unwrap()).sum();
+    assert_eq!((some.bounded.len(), some.bounded_error()), (2, Some(sum)));
+    let [elements, cells] = differences(&some, &whole);
+    assert!(elements <= sum && cells <= sum);
+}
+
+/// The adjoint by the light of the asked surfaces: both sides are sums of the same products, solved to 1e-14.
+#[test]
+fn what_is_asked_for_is_what_importance_makes_of_the_emission() {
+    let scene = one_room();
+    let run = run(&scene, &Strategy { omit: Omissions::NONE, ..strategy(4) }, &mut ()).unwrap();
+    let (store, _) = assemble(&run.geometry, Method::exact(1e-9, 1e-7), Form::Full, Store::Dense, 1).unwrap();
+    let (areas, e, rho) = (run.geometry.elements().areas(), run.geometry.emission(), run.geometry.reflectance());
+    let system = System::full(&*store, &areas, e.view(), rho.view()).unwrap();
+    let stop = StopRule::unshot(1e-14);
+    let asked: Vec<f64> = run.geometry.surfaces().iter().map(|&s| if s == 1 { 1.0 } else { 0.0 }).collect();
+    let (importance, _) = Importance::new(&system, &asked, "cg", &stop).unwrap();
+    for b in 0..e.count() {
+        let inner = |x: &[f64], y: &[f64]| -> f64 { areas.iter().zip(x).zip(y).map(|((a, x), y)| a * x * y).sum() };
+        let (direct, adjoint) =
+            (inner(&asked, run.solution.irradiance.band(b)), inner(importance.of_emission.band(b), e.band(b)));
+        assert!((direct / adjoint - 1.0).abs() < 1e-12, "band {b}: {direct} and {adjoint}");
+        // An error in what is asked for counts once, and by what comes back of it.
+        assert!(importance.of_irradiance.band(b).iter().zip(&asked).all(|(y, w)| y >= w));
+    }
+}
+
+fn on(run: &Run<'_>, asked: &[u32]) -> GridValues {
+    GridValues::means(&run.geometry, &run.solution.irradiance, 8).unwrap().on(asked)
+}
+
+/// The floor of the Cornell box, the wall behind its blocks, or the one at their side: what is computed less is the rows of other faces and the
+/// patches they would need.
+#[test]
+fn refinement_for_a_wall_meets_its_tolerance_with_fewer_form_factors() {
+    let scene = common::cornell_box();
+    // Elements of 1/16 that all see each other.
+    let fine = Strategy::new(Subdivision::Uniform(16), Method::exact(1e-7, 1e-5));
+    let fine = run(&scene, &fine, &mut ()).unwrap();
+    for asked in [vec![0], vec![6]] {
+        let truth = on(&fine, &asked);
+        for tolerance in [0.05, 0.02] {
+            let settings = Adaptive::new(Goal::Cells(8), tolerance);
+            let solver = "gauss-seidel".to_owned();
+            let all = Strategy {
+                solver,
+                omit: Omissions::ALL,
+                ..Strategy::new(Subdivision::Uniform(1), Method::exact(1e-8, 1e-5))
+            };
+            let some = Strategy { asked: Some(asked.clone()), ..all.clone() };
+            let [all, some] = [all, some].map(|strategy| run_adaptive(&scene, &strategy, &settings).unwrap());
+            let [whole, own] = [&all, &some].map(|run| on(&run.run, &asked).error(&truth).rms);
+            let [many, few] = [&all, &some].map(|run| run.run.form_factors.cost.form_factors);
+            let estimate = some.rounds.last().unwrap().estimate.total();
+            println!(
+                "{asked:?} to {tolerance}: {few} of {many} form factors, error {own:.2e} (estimate {estimate:.2e}), {whole:.2e} of the whole"
+            );
+            assert!(some.met && own <= tolerance && estimate <= tolerance, "{asked:?}, {tolerance}: {own:e}");
+            assert!(2 * few < many, "{asked:?}, {tolerance}: {few} of {many}");
+        }
+    }
+}
+
+/// Fewer links meet the same error over what is asked for.
+#[test]
+fn links_for_a_wall_are_fewer_and_err_by_what_is_estimated_there() {
+    let scene = common::cornell_box();
+    let exact = Strategy::new(Subdivision::Uniform(16), Method::exact(1e-6, 1e-5));
+    let exact = run(&scene, &Strategy { unshot: 1e-6, ..exact }, &mut ()).unwrap();
+    for asked in [vec![0], vec![6]] {
+        let store = Store::Hierarchical { error: 0.005, direct: DirectLight::WhereFew };
+        let all = Strategy {
+            store,
+            unshot: 1e-6,
+            omit: Omissions::ALL,
+            ..Strategy::new(Subdivision::Uniform(16), Method::exact(1e-6, 1e-5))
+        };
+        let some = Strategy { asked: Some(asked.clone()), ..all.clone() };
+        let [all, some] = [all, some].map(|strategy| run(&scene, &strategy, &mut ()).unwrap());
+        let reports = [&all, &some].map(|run| run.hierarchical.clone().unwrap());
+        let error = on(&some, &asked).error(&on(&exact, &asked)).rms;
+        let whole = on(&all, &asked).error(&on(&exact, &asked)).rms;
+        println!(
+            "{asked:?}: {} of {} links, error {error:.2e} (estimate {:.2e}), {whole:.2e} of the whole",
+            reports[1].links, reports[0].links, reports[1].error
+        );
+        assert!(error <= 0.005 && reports[1].error <= 0.005, "{asked:?}: {error:e}");
+        assert!(10 * reports[1].links < 9 * reports[0].links, "{asked:?}: {reports:?}");
+    }
+}
