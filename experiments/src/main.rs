@@ -1,6 +1,8 @@
 //! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
 
 mod changes;
+#[path = "12_choice.rs"]
+mod choice;
 mod classes;
 mod common;
 #[path = "03_form_factors.rs"]
@@ -42,6 +44,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &parametric::Parametric,
     &specular_cost::SpecularCost,
     &two_pass::TwoPasses,
+    &choice::StrategyChoice,
 ];
 
 fn main() -> ExitCode {
