@@ -31,16 +31,18 @@ pub(super) const PILOT_RAYS: u32 = 256;
 /// Power by which the difference of two uniform meshes falls with the edge.
 const ORDER: f64 = 1.7;
 /// The same of the estimate of an adaptive run: of patches that are elements, and of patches of finer elements.
-const ORDERS: [f64; 2] = [1.5, 1.1];
+const ORDERS: [f64; 2] = [1.65, 1.2];
 /// Error of rows over report cells times the root of their rays, in units of how irradiance varies between halves of quarters of a face, and the most of that:
 /// where everything is equally bright, it does not matter what rays meet.
 const NOISE: (f64, f64) = (0.45, 0.35);
-/// By what a round divides the error of an adaptive run.
-const FALL: f64 = 1.52;
+/// By what a round divides the error of an adaptive run, and multiplies patches: where nothing blocks, and where something does.
+const FALL: [(f64, f64); 2] = [(1.55, 1.5), (1.45, 1.27)];
+/// By how much a pilot of two elements along an edge, which sees no shadow's edge, falls short of one of four.
+const COARSE: f64 = 2.5;
 /// Share of the tolerance that is left for senders.
 const SHARE: f64 = 0.97;
-/// Growth of patches and of elements a round.
-const GROWTH: (f64, f64) = (1.45, 1.08);
+/// Growth of elements a round, while they are more than patches.
+const GROWTH: f64 = 1.08;
 /// Sweeps of a round that starts from the answer before.
 const AGAIN: f64 = 0.6;
 /// Products of conjugate gradients for a sweep of Gauss and Seidel.
@@ -69,6 +71,8 @@ pub struct Constants {
     pub clear: f64,
     /// A pair looked at for blockers, and more for each polygon that may block.
     pub tested: (f64, f64),
+    /// An exact emitter of a row of rays.
+    pub emitter: f64,
     /// A point at which the visible part is cut out.
     pub point: f64,
     /// A segment of a partly blocked pair.
@@ -94,6 +98,7 @@ impl Default for Constants {
             pair: 5e-9,
             clear: 45e-9,
             tested: (280e-9, 3e-9),
+            emitter: 0.18e-6,
             point: 0.38e-6,
             segment: 0.11e-6,
             ray: (3.7e-9, 0.4e-9),
@@ -141,6 +146,7 @@ impl Constants {
             pair: plain.pair * of_pairs,
             clear: plain.clear * of_pairs,
             tested: (plain.tested.0 * of_pairs, plain.tested.1 * of_pairs),
+            emitter: plain.emitter * of_rays,
             point: plain.point * of_pairs,
             segment: plain.segment * of_pairs,
             ray: (plain.ray.0 * of_rays, plain.ray.1 * of_rays),
@@ -194,7 +200,12 @@ impl Model<'_> {
 
     /// What changes on the way from half as many elements along an edge to `cells`: the error that senders of half as many make.
     fn senders(&self, cells: f64) -> f64 {
-        self.pilot.senders * self.finer(cells).powf(-ORDER)
+        self.level() * self.finer(cells).powf(-ORDER)
+    }
+
+    /// Error by senders of the pilot, as it would go on to finer elements.
+    fn level(&self) -> f64 {
+        self.pilot.senders * if self.pilot.cells == 2 { COARSE } else { 1.0 }
     }
 
     /// Error of rows of so many rays over report cells.
@@ -239,9 +250,9 @@ impl Model<'_> {
         let a_row = |counted: u64| counted as f64 / of_rows.max(1.0);
         let tested = c.tested.0 + c.tested.1 * pilot.blocking as f64;
         let pairs = if pilot.blocking == 0 {
-            pilot.emitters as f64 * (c.pair + c.clear)
+            pilot.emitters as f64 * c.emitter
         } else {
-            pilot.emitters as f64 * c.pair
+            pilot.emitters as f64 * c.emitter
                 + a_row(cost.clear_pairs + cost.hidden_pairs + cost.partial_pairs) * tested
                 + a_row(cost.visibility_points) / u * c.point
                 + a_row(cost.rays) / u * c.segment
@@ -330,7 +341,8 @@ impl Model<'_> {
         let n = self.elements(scene, cells)?;
         // Senders of the pilot are patches of twice its edge.
         let order = ORDERS[usize::from(patches < own)];
-        let first = self.pilot.senders * self.finer(2.0 * patches).powf(-order);
+        let first = self.level() * self.finer(2.0 * patches).powf(-order);
+        let (fall, growth) = FALL[usize::from(self.pilot.blocking > 0)];
         let rays = rays_of(strategy.method);
         let noise = |rays: f64| self.noise(rays) * (report / own);
         let mut cast = rays;
@@ -377,10 +389,10 @@ impl Model<'_> {
                 let factor = (of_rows / (0.5 * target.tolerance)).powi(2);
                 cast = cast.map(|rays| 2.0_f64.powf((rays * factor).log2().ceil()));
             }
-            error /= FALL;
+            error /= fall;
             n_before = n_now;
-            n_now *= GROWTH.0;
-            m_now = (m_now * GROWTH.1).max(n_now);
+            n_now *= growth;
+            m_now = (m_now * GROWTH).max(n_now);
         }
     }
 }

@@ -25,9 +25,11 @@ const MOST: u64 = 200;
 /// Cells of a face along an edge, at most.
 const CELLS: u32 = 4;
 /// Pairs of elements drawn.
-const PAIRS: usize = 192;
-/// Errors by senders and receivers that are taken for granted on one element a face.
-const USUAL: (f64, f64) = (0.04, 0.3);
+const PAIRS: usize = 128;
+/// Errors by senders and receivers that are taken for granted on one element a face: that by senders of white faces, it takes two reflections.
+const USUAL: (f64, f64) = (1.3, 0.3);
+/// Error of form factors where nothing blocks.
+const COARSE: f64 = 1e-3;
 /// Unshot share of the solution.
 const UNSHOT: f64 = 1e-4;
 
@@ -77,7 +79,7 @@ impl Pilot {
         let patches = Some(Subdivision::Uniform((cells / 2).max(1)));
         let settings = MeshSettings { elements: Subdivision::Uniform(cells), patches, contacts: true };
         let geometry = Geometry::new(scene, &settings)?;
-        let solved = if cells > 1 { solve(&geometry, pairs, seed)? } else { Solved::guess(&geometry, pairs, seed) };
+        let solved = if cells > 1 { solve(&geometry, seed)? } else { Solved::guess(&geometry, seed) };
         let drawn = draw(&geometry, geometry.elements(), pairs, seed);
         Ok(Self {
             surfaces: scene.surfaces.len(),
@@ -111,21 +113,21 @@ struct Solved {
 
 impl Solved {
     /// What is taken for granted of a scene of so many faces that solving it once would cost too much: usual errors, and sweeps by the mean reflectance.
-    fn guess(geometry: &Geometry<'_>, pairs: Method, seed: u64) -> Self {
+    fn guess(geometry: &Geometry<'_>, seed: u64) -> Self {
         let rho = mean(&geometry.elements().areas(), &geometry.reflectance(), |rho| rho);
         let sweeps = (UNSHOT.ln() / rho.clamp(0.05, 0.99).ln()).ceil() as u64;
         let (emitters, _) = geometry.senders();
-        let (pairs, cost) = draw(geometry, emitters, pairs, seed);
+        let (pairs, cost) = draw(geometry, emitters, Method::analytic_among(geometry.blockers().len()), seed);
         let to_emitters = (pairs as f64 / emitters.len().max(1) as f64, cost);
-        Self { senders: USUAL.0, receivers: USUAL.1, indirect: rho, sweeps, to_emitters, cost }
+        Self { senders: USUAL.0 * rho * rho, receivers: USUAL.1, indirect: rho, sweeps, to_emitters, cost }
     }
 }
 
 /// Solves on the elements of a pilot.
-fn solve(geometry: &Geometry<'_>, pairs: Method, seed: u64) -> Result<Solved, RunError> {
+fn solve(geometry: &Geometry<'_>, seed: u64) -> Result<Solved, RunError> {
     let free = geometry.blockers().is_empty();
     let rays = Method::RaysAndEmitters { rays: PILOT_RAYS };
-    let (method, kind) = if free { (pairs, Store::Dense) } else { (rays, Store::Sparse) };
+    let (method, kind) = if free { (Method::sampled(COARSE, 1), Store::Dense) } else { (rays, Store::Sparse) };
     let (store, filling) = assemble(geometry, method, Form::Full, kind, seed)?;
     let rule = StopRule::unshot(UNSHOT);
     let solution = solve_on(geometry, &*store, Form::Full, "gauss-seidel", &rule, &mut ())?;
