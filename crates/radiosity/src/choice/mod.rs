@@ -78,6 +78,11 @@ pub enum WhyNot {
         /// Seconds allowed.
         limit: f64,
     },
+    /// Its first mesh would have more elements than it may have.
+    Elements {
+        /// Elements allowed.
+        limit: usize,
+    },
     /// It would not reach the tolerance with as many elements as it may have.
     Error {
         /// The tolerance.
@@ -91,6 +96,7 @@ impl std::fmt::Display for WhyNot {
             Self::Slower => f.write_str("slower"),
             Self::Memory { limit } => write!(f, "more than the {} there are", Bytes(*limit)),
             Self::Time { limit } => write!(f, "longer than the {limit} s allowed"),
+            Self::Elements { limit } => write!(f, "begins with more than {limit} elements"),
             Self::Error { tolerance } => write!(f, "does not reach {tolerance}"),
         }
     }
@@ -213,6 +219,9 @@ fn rank(scene: &Scene, model: &Model<'_>, target: &Target, wanted: &Wanted) -> R
         let memory = wanted.memory.filter(|&limit| expected.peak_bytes > limit);
         let time = wanted.time.filter(|&limit| expected.seconds > limit);
         let why_not = match (memory, time) {
+            _ if expected.elements > target.most_elements as u64 && expected.rounds == 1 => {
+                Some(WhyNot::Elements { limit: target.most_elements })
+            }
             _ if expected.error > target.tolerance => Some(WhyNot::Error { tolerance: target.tolerance }),
             (Some(limit), _) => Some(WhyNot::Memory { limit }),
             (_, Some(limit)) => Some(WhyNot::Time { limit }),
@@ -226,7 +235,7 @@ fn rank(scene: &Scene, model: &Model<'_>, target: &Target, wanted: &Wanted) -> R
     // Nearest of those that do not fit is first what reaches the error, then what takes least time.
     let order = |ranked: &Ranked| match ranked.why_not {
         None => 0,
-        Some(WhyNot::Error { .. }) => 2,
+        Some(WhyNot::Error { .. } | WhyNot::Elements { .. }) => 2,
         Some(_) => 1,
     };
     ranking.sort_by(|a, b| order(a).cmp(&order(b)).then(a.expected.seconds.total_cmp(&b.expected.seconds)));
