@@ -34,7 +34,9 @@ const ORDER: f64 = 1.7;
 const ORDERS: [f64; 2] = [1.65, 1.2];
 /// Error of rows over report cells times the root of their rays, in units of how irradiance varies between halves of quarters of a face, and the most of that:
 /// where everything is equally bright, it does not matter what rays meet.
-const NOISE: (f64, f64) = (0.45, 0.35);
+const NOISE: (f64, f64) = (0.5, 0.2);
+/// Power by which that falls with the edge from a pilot of fewer cells.
+const OUTLINES: f64 = 0.3;
 /// By what a round divides the error of an adaptive run, and multiplies patches: where nothing blocks, and where something does.
 const FALL: [(f64, f64); 2] = [(1.55, 1.5), (1.45, 1.27)];
 /// By how much a pilot of two elements along an edge, which sees no shadow's edge, falls short of one of four.
@@ -210,9 +212,9 @@ impl Model<'_> {
 
     /// Error of rows of so many rays over report cells.
     fn noise(&self, rays: f64) -> f64 {
-        let varies = self.pilot.receivers * self.finer(4.0).recip();
-        let met = if self.pilot.closed { 1.0 } else { OPEN };
-        NOISE.0 * met * varies.min(NOISE.1) / rays.sqrt()
+        // The outlines of lights and shadows stay as sharp while cells become smaller.
+        let varies = self.pilot.receivers * self.finer(4.0).powf(-OUTLINES);
+        NOISE.0 * varies.min(NOISE.1) / rays.sqrt()
     }
 
     /// Elements of a uniform mesh: those of the pilot, which contacts cut, times those of faces.
