@@ -1,6 +1,8 @@
 //! Runs the experiments: `cargo run --release`, or `-- run NAME…`, `-- plot`, `-- list`.
 
 mod changes;
+#[path = "12_choice.rs"]
+mod choice;
 mod classes;
 mod common;
 #[path = "03_form_factors.rs"]
@@ -45,6 +47,7 @@ const EXPERIMENTS: &[&dyn Experiment] = &[
     &specular_cost::SpecularCost,
     &two_pass::TwoPasses,
     &left_out::LeftOut,
+    &choice::StrategyChoice,
 ];
 
 fn main() -> ExitCode {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use radiosity::{Method, SpecularBy, Store};
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -148,6 +148,13 @@ pub struct Estimator {
 }
 
 impl Estimator {
+    /// The method asked for by any of these options, among `blocking` polygons that may block.
+    pub fn named(&self, blocking: usize) -> Option<Method> {
+        let settings = self.rays.is_some() || self.row_error.is_some() || self.resolution.is_some();
+        let asked = self.method.is_some() || settings || self.samples.is_some();
+        asked.then(|| self.method(Method::analytic_among(blocking), blocking))
+    }
+
     /// The method asked for with its settings, or `otherwise`, among `blocking` polygons that may block.
     pub fn method(&self, otherwise: Method, blocking: usize) -> Method {
         let named = self.method.map(|name| match name {
@@ -323,6 +330,7 @@ pub struct PlanArgs {
 
 /// `radiosity solve`.
 #[derive(ClapArgs, Debug)]
+#[command(group = ArgGroup::new("wanted").args(["tolerance", "time"]).multiple(true))]
 pub struct SolveArgs {
     /// Scene and common options.
     #[command(flatten)]
@@ -339,6 +347,20 @@ pub struct SolveArgs {
     /// Refine until the estimated rms error of irradiance over the report grid is at most this share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit, group = "fineness")]
     pub tolerance: Option<f64>,
+    /// Seconds that refining may take: with --tolerance a strategy that is expected to be there by then, without it the smallest error that is.
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = positive,
+        conflicts_with_all = ["form_factors", "after", "subdivide", "element_size", "patch_subdivide", "repair"]
+    )]
+    pub time: Option<f64>,
+    /// Tell which strategies --tolerance and --time choose among, what each is expected to take, and why it is not the one.
+    #[arg(long, requires = "wanted")]
+    pub explain: bool,
+    /// Measure on this scene what pairs and rays take here, and predict times by that.
+    #[arg(long, requires = "wanted")]
+    pub calibrate: bool,
     /// Write the means over K × K cells a face instead of the elements.
     #[arg(long, value_name = "K", value_parser = count)]
     pub report_grid: Option<u32>,
@@ -348,7 +370,7 @@ pub struct SolveArgs {
         value_name = "N",
         default_value = "0",
         value_parser = bounces,
-        conflicts_with_all = ["form_factors", "after", "tolerance"]
+        conflicts_with_all = ["form_factors", "after", "wanted"]
     )]
     pub specular_bounces: SpecularBounces,
     /// How form factors by way of specular surfaces are found.
@@ -575,6 +597,10 @@ pub struct CompareArgs {
     /// Unshot share of the emitted power at which the solvers stop.
     #[arg(long, value_name = "ETA", default_value_t = 1e-6, value_parser = open_unit)]
     pub unshot: f64,
+    /// Compare the strategies that refine to this estimated rms error of irradiance over 8 × 8 cells a face instead: what each was expected
+    /// to take beside what it took, the expected first coming first; those ten times as slow as the best are cut off between meshes.
+    #[arg(long, value_name = "T", value_parser = open_unit, conflicts_with_all = ["subdivide", "unshot"])]
+    pub tolerance: Option<f64>,
     /// Folder for comparison.csv, comparison.svg and comparison.png.
     #[arg(long, short, default_value = "comparison")]
     pub output: PathBuf,

@@ -11,7 +11,7 @@ use radiosity_solvers::STOCHASTIC;
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;
-use crate::{Failure, Verdict, memory, output, scene};
+use crate::{Failure, Verdict, choice, memory, output, scene};
 
 /// A strategy and how it went.
 struct Compared<'a> {
@@ -64,6 +64,9 @@ fn strategies(args: &CompareArgs, blocking: usize) -> Vec<Strategy> {
 pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let imported = scene::with_materials(&args.common)?;
     let scene = &imported.scene;
+    if let Some(tolerance) = args.tolerance {
+        return choice::compare(args, scene, tolerance);
+    }
     let blocking = Occluders::blocking(scene).len();
     let all = strategies(args, blocking);
     if args.common.dry_run {

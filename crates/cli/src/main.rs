@@ -4,6 +4,7 @@
 
 mod args;
 mod cells;
+mod choice;
 mod compare;
 mod false_colour;
 mod film_state;

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
+use radiosity::Choice;
 use radiosity::bounded::{Bounded, foreseen};
+use radiosity::choice::Steps;
 use radiosity::plan::{Off, Omissions, Savings, StoreReason};
 use radiosity::{
     Adaptive, DirectLight, EnhancedRun, ErrorEstimate, FittedRows, Geometry, Goal, GridValues, LINK_ERROR,
@@ -26,17 +28,18 @@ use radiosity_render::Exposure;
 use serde_json::{Value, json};
 
 use crate::args::{Common, Estimator, MeshArgs, Shading, SolveArgs, StoreName};
+use crate::choice::Happened;
 use crate::output::Names;
 use crate::saved::Saved;
-use crate::{Failure, Verdict, memory, output, plan, saved, scene};
+use crate::{Failure, Verdict, choice, memory, output, plan, saved, scene};
 
 /// Largest number of elements that `--tolerance` refines to.
-const MOST_ELEMENTS: usize = 40_000;
+pub const MOST_ELEMENTS: usize = 40_000;
 
 /// Cells of the report grid that a tolerance is of, if none is asked for.
-const REPORT_GRID: u32 = 8;
+pub const REPORT_GRID: u32 = 8;
 /// The solver that stands for the hierarchical store.
-const HIERARCHICAL: &str = "hierarchical";
+pub const HIERARCHICAL: &str = "hierarchical";
 
 /// Cells along an edge of a face if nothing is asked for.
 const CELLS: u32 = 4;
@@ -86,6 +89,8 @@ enum Way<'a> {
     Enhanced(SpecularBy, Phase),
     /// By refinement to a tolerance.
     Refined(Refinement),
+    /// By the strategy that was chosen.
+    Chosen(Box<Choice>, Happened, Refinement),
     /// From the solution of another scene, which took so many seconds.
     After { path: &'a Path, seconds: f64, saving: Saving },
 }
@@ -118,6 +123,11 @@ pub fn run(args: &SolveArgs) -> Result<Verdict, Failure> {
 /// Computes form factors and solves.
 fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
+    if let Some(wanted) = choice::wanted(args, scene)
+        && let Some(chosen) = choice::choose(args, scene, &wanted)?
+    {
+        return on_chosen(args, imported, chosen);
+    }
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
     let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
@@ -173,6 +183,29 @@ fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure
         }
     };
     finish(args, imported, &strategy, None, &run, way)
+}
+
+/// Follows the procedure that was chosen.
+fn on_chosen(args: &SolveArgs, imported: &Imported, choice: Choice) -> Result<Verdict, Failure> {
+    if args.common.dry_run {
+        let object = json!({ "dry_run": true, "choice": choice::json(&choice, None) });
+        output::print(&args.common, &object, &choice::lines(&choice));
+        return Ok(Verdict::Done);
+    }
+    let mut candidate = choice.chosen().candidate.clone();
+    candidate.strategy.unshot = args.unshot.unwrap_or(candidate.strategy.unshot);
+    candidate.strategy.steps = args.steps.into();
+    let clock = Instant::now();
+    let in_time = |seconds: f64| args.time.is_none_or(|time| seconds < time);
+    let go_on = &mut || in_time(clock.elapsed().as_secs_f64());
+    let reached = candidate.run(&imported.scene, &choice.target, go_on).map_err(memory::explained)?;
+    let happened = Happened::new(&reached, clock.elapsed().as_secs_f64());
+    let refinement = match reached.steps {
+        Steps::Adaptive(rounds) => Refinement::Adaptive(rounds, reached.met),
+        Steps::Uniform(steps) => Refinement::Uniform(steps, reached.met),
+    };
+    let way = Way::Chosen(Box::new(choice), happened, refinement);
+    finish(args, imported, &reached.strategy, None, &reached.run, way)
 }
 
 /// Elements that take part, and polygons that may block.
@@ -423,13 +456,19 @@ fn finish(
             lines.push(format!("by way of specular surfaces: {work} in {:.3} s", phase.time.as_secs_f64()));
         }
         Way::Refined(refinement) => {
-            let (estimate, met) = refinement.result();
             object["refinement"] = refinement.json();
-            lines.push(format!(
-                "estimated rms error of irradiance {estimate:.2e}; tolerance {}",
-                if met { "met" } else { "not met" }
-            ));
-            if !met {
+            lines.push(refinement.line());
+            if !refinement.result().1 {
+                verdict = Verdict::CheckFailed;
+            }
+        }
+        Way::Chosen(choice, happened, refinement) => {
+            object["refinement"] = refinement.json();
+            object["choice"] = choice::json(&choice, Some(&happened));
+            lines.push(choice::line(&choice, &happened));
+            lines.extend(if args.explain { choice::lines(&choice) } else { Vec::new() });
+            lines.push(refinement.line());
+            if !refinement.result().1 {
                 verdict = Verdict::CheckFailed;
             }
         }
@@ -460,7 +499,7 @@ fn plan_off(args: &SolveArgs, strategy: &Strategy, file: Option<&FromFile>, way:
         Way::Enhanced(..) => Some("light by way of specular surfaces takes all elements".to_owned()),
         // What is not asked for is refined by what it matters.
         Way::Refined(Refinement::Adaptive(..)) if strategy.asked.is_some() && !args.plan.keep_everything => None,
-        Way::Refined(_) => Some("refinement looks at all elements".to_owned()),
+        Way::Refined(_) | Way::Chosen(..) => Some("refinement looks at all elements".to_owned()),
         Way::After { .. } => Some("what a change needs is not known before it".to_owned()),
     }
 }
@@ -608,6 +647,12 @@ impl Refinement {
                 (steps.last().and_then(with).unwrap_or(f64::NAN), *met)
             }
         }
+    }
+
+    fn line(&self) -> String {
+        let (estimate, met) = self.result();
+        let met = if met { "met" } else { "not met" };
+        format!("estimated rms error of irradiance {estimate:.2e}; tolerance {met}")
     }
 
     fn json(&self) -> Value {

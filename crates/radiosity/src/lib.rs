@@ -10,6 +10,7 @@
 pub mod adaptive;
 mod bounces;
 pub mod bounded;
+pub mod choice;
 mod enhanced;
 pub mod errors;
 mod estimate;
@@ -30,9 +31,10 @@ mod thin;
 mod tolerance;
 mod yardstick;
 
-pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive};
+pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive, run_adaptive_while};
 pub use bounces::bounces;
 pub use bounded::Bounded;
+pub use choice::{Choice, Constants, Wanted};
 pub use enhanced::{EnhancedRun, SpecularBy, SpecularTransport, predict_enhanced, run_enhanced};
 pub use errors::{CellPlace, ErrorMeasure, GridValues, SurfaceBias};
 pub use estimate::{Phase, assemble, cell_form_factors, rows};
@@ -48,5 +50,5 @@ pub use run::{Checked, Forecasted, Run, RunError, forecast, run, run_meshed, run
 pub use saved::{FitError, FittedRows, SavedCell, SavedFormFactors};
 pub use specular_radiosity::{SpecularRadiosity, SpecularSolution, run_specular_radiosity};
 pub use strategy::{DirectLight, LINK_ERROR, Method, Shape, Store, Strategy, default_method};
-pub use tolerance::{ToleranceRun, ToleranceStep, run_to_tolerance};
+pub use tolerance::{ToleranceRun, ToleranceStep, run_to_tolerance, run_to_tolerance_while};
 pub use yardstick::{HistoryPoint, Measured, Yardstick};

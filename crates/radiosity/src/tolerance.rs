@@ -5,6 +5,7 @@
 //! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound; where only some surfaces are
 //! asked for, the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
 
+use radiosity_core::Cost;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
 
@@ -17,6 +18,8 @@ pub struct ToleranceStep {
     pub subdivision: u32,
     /// Elements.
     pub elements: usize,
+    /// What the run on this mesh took.
+    pub cost: Cost,
     /// Difference from the refinement before, over the report grid of what is asked for.
     pub difference: Option<ErrorMeasure>,
     /// Bound of what was left out, see [`Run::bounded_error`]; infinite if there is none.
@@ -46,6 +49,22 @@ pub fn run_to_tolerance<'a>(
     report_grid: u32,
     most_elements: usize,
 ) -> Result<ToleranceRun<'a>, RunError> {
+    run_to_tolerance_while(scene, strategy, tolerance, report_grid, most_elements, &mut |_| true)
+}
+
+/// [`run_to_tolerance`] that goes on to a finer mesh only while `go_on` says so of the refinements so far.
+///
+/// # Errors
+///
+/// As [`run_to_tolerance`].
+pub fn run_to_tolerance_while<'a>(
+    scene: &'a Scene,
+    strategy: &Strategy,
+    tolerance: f64,
+    report_grid: u32,
+    most_elements: usize,
+    go_on: &mut dyn FnMut(&[ToleranceStep]) -> bool,
+) -> Result<ToleranceRun<'a>, RunError> {
     if !(tolerance > 0.0 && tolerance < 1.0) {
         return Err(RunError::Tolerance { value: tolerance });
     }
@@ -64,8 +83,8 @@ pub fn run_to_tolerance<'a>(
         let difference = before.as_ref().map(|before| before.error(&grid));
         let elements = run.geometry.elements().len();
         let met = difference.as_ref().is_some_and(|d| d.rms + left_out <= tolerance);
-        steps.push(ToleranceStep { subdivision, elements, difference, left_out });
-        if met || elements * 4 > most_elements {
+        steps.push(ToleranceStep { subdivision, elements, cost: run.cost(), difference, left_out });
+        if met || elements * 4 > most_elements || !go_on(&steps) {
             return Ok(ToleranceRun { run, steps, met });
         }
         before = Some(grid);

@@ -184,6 +184,20 @@ pub fn run_adaptive<'a>(
     strategy: &Strategy,
     adaptive: &Adaptive,
 ) -> Result<AdaptiveRun<'a>, RunError> {
+    run_adaptive_while(scene, strategy, adaptive, &mut |_| true)
+}
+
+/// [`run_adaptive`] that refines only while `go_on` says so of the rounds so far.
+///
+/// # Errors
+///
+/// As [`run_adaptive`].
+pub fn run_adaptive_while<'a>(
+    scene: &'a Scene,
+    strategy: &Strategy,
+    adaptive: &Adaptive,
+    go_on: &mut dyn FnMut(&[Round]) -> bool,
+) -> Result<AdaptiveRun<'a>, RunError> {
     let tolerance = adaptive.tolerance;
     if !(tolerance > 0.0 && tolerance < 1.0) {
         return Err(RunError::Tolerance { value: tolerance });
@@ -199,7 +213,9 @@ pub fn run_adaptive<'a>(
         state.estimating += clock.elapsed();
         state.rounds.push(Round { steps: solved.steps, estimate, ..state.round });
         let met = estimate.total() <= tolerance;
-        let plan = if met { None } else { state.plan(&solved, (&variation, worth.as_deref()), &estimate, adaptive) };
+        let variations = (&variation, worth.as_deref());
+        let plan =
+            if met || !go_on(&state.rounds) { None } else { state.plan(&solved, variations, &estimate, adaptive) };
         match plan {
             Some(plan) => state.follow(plan, &solved.radiosity)?,
             None => return Ok(state.finish(solved, met, strategy, tolerance)),
