@@ -38,7 +38,7 @@ pub struct Style {
 }
 
 /// Groups whose members meet in one figure.
-const GROUPS: [&[(&str, Rgb, Marker)]; 6] = [
+const GROUPS: [&[(&str, Rgb, Marker)]; 7] = [
     // Solvers.
     &[
         ("jacobi", [0x00, 0x72, 0xb2], Marker::Circle),
@@ -82,6 +82,15 @@ const GROUPS: [&[(&str, Rgb, Marker)]; 6] = [
         ("on-demand", [0xa0, 0x5f, 0xc0], Marker::Triangle),
         ("packed", [0x2e, 0x8b, 0x57], Marker::Diamond),
         ("packed-f32", [0xb2, 0x22, 0x22], Marker::Wedge),
+    ],
+    // What is left out.
+    &[
+        ("blockers", [0x00, 0x72, 0xb2], Marker::Circle),
+        ("dark rooms", [0xd5, 0x5e, 0x00], Marker::Square),
+        ("rooms apart", [0x00, 0x9e, 0x73], Marker::Diamond),
+        ("all", [0x22, 0x22, 0x22], Marker::Triangle),
+        ("black faces", [0xcc, 0x79, 0xa7], Marker::Wedge),
+        ("bands", [0xe6, 0x9f, 0x00], Marker::Pentagon),
     ],
     // Ways to take pictures.
     &[
