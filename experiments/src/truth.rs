@@ -215,7 +215,8 @@ pub fn nested_pairs_truth(scene: &Scene, length: f64, cells: u32) -> Result<Trut
     let strategy = |length| {
         let mut strategy = Strategy::new(Subdivision::EdgeLength(length), Method::exact(1e-7, 1e-5));
         strategy.mesh.patches = Some(Subdivision::Uniform(cells));
-        Strategy { contact_level: 1, store: Store::PackedSingle, unshot: 1e-7, verify: false, ..strategy }
+        let verify = has_black(scene);
+        Strategy { contact_level: 1, store: Store::PackedSingle, unshot: 1e-7, verify, ..strategy }
     };
     against_coarser(scene, (&strategy(length), &strategy(2.0 * length)), cells)
 }
@@ -230,9 +231,15 @@ pub fn nested_rays_truth(scene: &Scene, length: f64, rays: u32, cells: u32) -> R
     let strategy = |length, rays, seed| {
         let mut strategy = Strategy::new(Subdivision::EdgeLength(length), Method::RaysAndEmitters { rays });
         strategy.mesh.patches = Some(Subdivision::Uniform(cells));
-        Strategy { contact_level: 1, store: Store::Sparse, unshot: 1e-5, verify: false, seed, ..strategy }
+        Strategy { contact_level: 1, store: Store::Sparse, unshot: 1e-5, verify: has_black(scene), seed, ..strategy }
     };
     against_coarser(scene, (&strategy(length, rays, 1), &strategy(2.0 * length, rays / 2, 2)), cells)
+}
+
+/// Whether some surface is black in a band: without a last product the irradiance of its elements is not known.
+fn has_black(scene: &Scene) -> bool {
+    let of = |surface: &radiosity_geometry::Surface| &scene.materials[surface.material].reflectance;
+    scene.surfaces.iter().any(|surface| of(surface).contains(&0.0))
 }
 
 /// The irradiance of the first strategy, and the difference of the second from it.
