@@ -8,7 +8,7 @@ use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::write_atomically;
 use serde_json::{Value, json};
 
-use crate::args::{CompareArgs, SolveArgs, StoreName};
+use crate::args::{CompareArgs, SolveArgs};
 use crate::solve::{HIERARCHICAL, MOST_ELEMENTS, REPORT_GRID};
 use crate::{Failure, Verdict, memory, output};
 
@@ -21,9 +21,7 @@ pub fn wanted(args: &SolveArgs, scene: &Scene) -> Option<Wanted> {
     let by_links = args.solver.as_deref() == Some(HIERARCHICAL);
     let store = match args.store {
         _ if by_links => Some(Store::HIERARCHICAL),
-        // What is dense unless asked for otherwise may be anything.
-        None | Some(StoreName::Dense) => None,
-        Some(store) => Some(store.into()),
+        store => store.map(Store::from),
     };
     let method = args.estimator.named(Occluders::blocking(scene).len());
     let solver = args.solver.clone().filter(|_| !by_links);

@@ -101,6 +101,14 @@ impl<'a> Geometry<'a> {
         Self { bands: bands.to_vec(), complete: self.complete && complete, ..part }
     }
 
+    /// The same with light between surfaces that `among` names alone: what cannot lie between two of them does not block.
+    pub(crate) fn among(self, among: &dyn Fn(usize) -> bool) -> Self {
+        if (0..self.scene.surfaces.len()).all(among) {
+            return self;
+        }
+        Self { blockers: Arc::new(Occluders::blocking_among(self.scene, among)), ..self }
+    }
+
     fn of_exposed(scene: &'a Scene, mesh: Arc<Mesh>, blockers: Arc<Occluders>, exposed: Vec<u32>) -> Self {
         // Patches that keep an exposed element, renumbered in order.
         let mut number = vec![u32::MAX; mesh.patch_facets.len()];

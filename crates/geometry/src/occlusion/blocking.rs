@@ -10,9 +10,21 @@ use crate::{Polygon, Scene};
 /// Left out are pieces with all vertices of the scene on one side of their plane or in it (within the margin of
 /// [`Occluders::occluded`]): the walls of a convex room. Of an empty convex room nothing is left.
 pub fn blocking_polygons(scene: &Scene) -> Vec<(usize, &Polygon)> {
-    let vertices = scene.pieces().flat_map(|(_, p)| p.vertices().iter().copied()).collect();
-    let ends = Ends::new(vertices, Occluders::rounding(scene));
-    scene.pieces().filter(|(_, p)| ends.parted_by(p)).collect()
+    blocking_polygons_among(scene, &|_| true)
+}
+
+/// [`blocking_polygons`] for segments between two points of the surfaces that `picked` names: what lies beside the box of these blocks none either.
+pub fn blocking_polygons_among<'s>(scene: &'s Scene, picked: &dyn Fn(usize) -> bool) -> Vec<(usize, &'s Polygon)> {
+    let pieces = || scene.pieces().filter(|(s, _)| picked(*s)).map(|(_, p)| p);
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (lo, hi) = pieces().map(Polygon::bounds).fold(none, |(lo, hi), (a, b)| (lo.min(a), hi.max(b)));
+    let rounding = Occluders::rounding(scene);
+    let ends = Ends::new(pieces().flat_map(|p| p.vertices().iter().copied()).collect(), rounding);
+    let beside = |p: &Polygon| {
+        let ((from, to), margin) = (p.bounds(), rounding + 2.0 * p.thickness());
+        from.cmpgt(hi + margin).any() || to.cmplt(lo - margin).any()
+    };
+    scene.pieces().filter(|(_, p)| !beside(p) && ends.parted_by(p)).collect()
 }
 
 /// Points between which segments may run.

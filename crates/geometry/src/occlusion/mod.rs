@@ -23,6 +23,7 @@ mod outlook;
 use glam::DVec3;
 use obvhs::aabb::Aabb;
 
+use self::blocking::blocking_polygons_among;
 pub use self::blocking::{Ends, blocking_polygons};
 use self::cells::Cells;
 use self::descent::{Slabs, Space, descend_in_order, descend_until};
@@ -161,7 +162,13 @@ impl Occluders {
     /// The pieces of a scene that can block a segment between two of its points, owned by their surfaces: for
     /// [`Self::occluded`] only, since rays end on the others too. See [`blocking_polygons`].
     pub fn blocking(scene: &Scene) -> Self {
-        let (owners, polygons) = blocking_polygons(scene).into_iter().map(|(s, p)| (s as u32, p.clone())).unzip();
+        Self::blocking_among(scene, &|_| true)
+    }
+
+    /// [`Self::blocking`] for segments between points of the surfaces that `picked` names.
+    pub fn blocking_among(scene: &Scene, picked: &dyn Fn(usize) -> bool) -> Self {
+        let blocking = blocking_polygons_among(scene, picked).into_iter();
+        let (owners, polygons) = blocking.map(|(s, p)| (s as u32, p.clone())).unzip();
         Self::new(polygons, owners)
     }
 

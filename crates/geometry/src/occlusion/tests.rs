@@ -285,3 +285,18 @@ fn walls_of_a_convex_room_block_nothing() {
     // Its left wall leans: x = 552.8 at the floor, 556 at the ceiling, so the ceiling's edge is its boundary still.
     assert_eq!(surfaces, (9..19).collect::<Vec<_>>());
 }
+
+/// Of a cube beside another nothing lies between two points of that one; the walls of a cube within it do.
+#[test]
+fn what_lies_beside_a_room_blocks_nothing_in_it() {
+    let moved =
+        |cube: Vec<Vec<DVec3>>, by: DVec3| cube.into_iter().map(move |face| face.into_iter().map(|v| v + by).collect());
+    let with = |side: f64, by: DVec3| {
+        let loops: Vec<Vec<DVec3>> = cube(1.0).into_iter().chain(moved(cube(side), by)).collect();
+        scene_of(&loops)
+    };
+    let in_the_first = |scene: &Scene| Occluders::blocking_among(scene, &|s| s < 6).len();
+    let (beside, within) = (with(1.0, DVec3::new(1.5, 0.25, 0.0)), with(0.5, DVec3::ZERO));
+    assert_eq!((in_the_first(&beside), in_the_first(&within)), (0, 6));
+    assert!(!Occluders::blocking(&beside).is_empty());
+}

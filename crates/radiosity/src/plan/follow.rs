@@ -66,18 +66,21 @@ pub(crate) fn follow<'a>(
     let mut made = if elements.is_empty() {
         nothing_emits(&geometry, strategy)
     } else {
+        let lit = plan.lit_rooms();
         let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
+        let part = part.among(&|s| lit.binary_search(&plan.room[s]).is_ok());
         let all = Selection::new(&geometry, &part, elements);
         let mut made = solve_part(plan, &geometry, (&part, &all), strategy, &chosen, observer)?;
         let clock = Instant::now();
         made.checked = made.checked.map(|checked| checked.renamed(all.ends(strategy.shape.form())));
         let mut irradiance = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.irradiance);
         for room in plan.lit_rooms() {
-            let in_room = |s: usize, role: Role| plan.room[s] == room && plan.roles[s] == role;
+            let in_this_room = |s: usize| plan.room[s] == room;
+            let in_room = |s: usize, role: Role| in_this_room(s) && plan.roles[s] == role;
             let black = chosen(&|s| in_room(s, Role::Receives));
             let senders = chosen(&|s| in_room(s, Role::Exchanges));
             if !black.is_empty() {
-                let (h, cost) = gathered(&geometry, &all, (&black, senders), &made.solution, strategy)?;
+                let (h, cost) = gathered(&geometry, &all, (&black, senders), &in_this_room, &made.solution, strategy)?;
                 made.solution.cost += cost;
                 fill_in(&plan.bands, &black, &h, &mut irradiance);
             }
@@ -124,7 +127,7 @@ fn selected_rows<'r>(
         }
         let one_list = form == Form::Full;
         let numbers = Numbers { sources: sources.to_vec(), targets: targets.to_vec(), one_list };
-        let pairs = analytic(whole.blockers(), partial);
+        let pairs = analytic(part.blockers(), partial);
         return Ok(Box::new(PairwiseRows::new(pairs, from_facets, to, tolerance, strategy.seed).numbered(numbers)));
     }
     if let Some((_, numbers)) = from {
@@ -155,7 +158,7 @@ fn solve_part(
     }
     let of_room = |room: u32| {
         let elements = chosen(&|s| plan.room[s] == room && plan.roles[s] == Role::Exchanges);
-        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows());
+        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows()).among(&|s| plan.room[s] == room);
         let selection = Selection::new(whole, &own, elements);
         (own, selection)
     };
@@ -184,10 +187,11 @@ fn gathered(
     whole: &Geometry<'_>,
     all: &Selection,
     (black, senders): (&[u32], Vec<u32>),
+    in_room: &dyn Fn(usize) -> bool,
     solution: &Solution,
     strategy: &Strategy,
 ) -> Result<(BandValues, Cost), RunError> {
-    let own = whole.part(&senders, &[], false);
+    let own = whole.part(&senders, &[], false).among(in_room);
     let selection = Selection::new(whole, &own, senders);
     let facets = whole.elements().select(black);
     let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;
