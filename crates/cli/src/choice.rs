@@ -14,8 +14,12 @@ use crate::{Failure, Verdict, memory, output};
 
 /// What the arguments want, if it is something to choose a strategy for.
 pub fn wanted(args: &SolveArgs, scene: &Scene) -> Option<Wanted> {
+    let budget = args.tolerance.is_some() || args.time.is_some();
     // Patches of one's own are where an adaptive run begins, and a repair is made of whole matrices.
-    if args.tolerance.is_none() && args.time.is_none() || args.repair || args.mesh.patch_subdivide.is_some() {
+    let own = args.repair || args.mesh.patch_subdivide.is_some();
+    // Candidates are ways to the error of all surfaces.
+    let bounded = !args.plan.ask.is_empty() || args.thin_error.is_some() || args.bounce_error.is_some();
+    if !budget || own || bounded {
         return None;
     }
     let by_links = args.solver.as_deref() == Some(HIERARCHICAL);
