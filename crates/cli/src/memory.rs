@@ -9,7 +9,7 @@ use crate::Failure;
 use crate::args::Common;
 
 /// What threads and the work of any command take beside the scene.
-const PROGRAM: u64 = 2_500_000;
+const PROGRAM: u64 = 4_000_000;
 
 /// Bytes that a command may take: those asked for, or what the machine has left; `None` where the system does not say.
 pub fn limit(common: &Common) -> Option<u64> {
