@@ -647,12 +647,13 @@ fn at_target(tables: &Tables) -> Vec<String> {
         of.filter_map(|(name, rows)| Some((name, takes(rows)?))).min_by(|a, b| a.1[0].total_cmp(&b.1[0]))
     };
     let amounts = |name: &str, [rays, seconds]: [f64; 2]| {
-        format!("{name} {} million rays and {}", numbers::significant(rays / 1e6, 3), numbers::seconds(seconds))
+        let million = numbers::significant(rays / 1e6, 3);
+        format!("{name} takes {million} million rays and {}", numbers::seconds(seconds))
     };
     let Some((traced_by, traced)) = best("path tracing", false) else { return Vec::new() };
     let shares = |name: &str, two: [f64; 2], of: [f64; 2]| {
         let share = |k: usize| numbers::significant(two[k] / of[k], 2);
-        format!("{}: a share of {} and {}", amounts(name, two), share(0), share(1))
+        format!("{}, a share of {} and {}", amounts(name, two), share(0), share(1))
     };
     let mut reading = Vec::new();
     for by_noise in [false, true] {
@@ -661,10 +662,10 @@ fn at_target(tables: &Tables) -> Vec<String> {
             None => "no two passes get there".to_owned(),
         };
         let target = numbers::percent(TARGET);
-        reading.push(format!("At an error of {target} over pixels {} takes; {found}.", amounts(traced_by, traced)));
+        reading.push(format!("At an error of {target} over pixels {}; {found}.", amounts(traced_by, traced)));
     }
     if let (Some((name, traced)), Some((other, two))) = (best("path tracing", true), best("two passes", true)) {
-        reading.push(format!("Against {}, {}.", amounts(name, traced), shares(other, two, traced)));
+        reading.push(format!("There {}; {} of that.", amounts(name, traced), shares(other, two, traced)));
     }
     reading
 }

@@ -347,7 +347,8 @@ pub struct SolveArgs {
     /// Refine until the estimated rms error of irradiance over the report grid is at most this share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit, group = "fineness")]
     pub tolerance: Option<f64>,
-    /// Seconds that refining may take: with --tolerance a strategy that is expected to be there by then, without it the smallest error that is.
+    /// Seconds that refining may take: with --tolerance a strategy that is expected to be there by then, without it the smallest error that is. No
+    /// mesh is begun once they are over: what is refined within a time depends on the clock, and may differ from run to run.
     #[arg(
         long,
         value_name = "S",

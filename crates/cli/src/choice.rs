@@ -36,7 +36,7 @@ pub fn wanted(args: &SolveArgs, scene: &Scene) -> Option<Wanted> {
         memory: memory::limit(&args.common).map(|limit| limit.saturating_sub(memory::program())),
         most_elements: MOST_ELEMENTS,
         seed: args.common.seed,
-        named: Named { method, store, solver },
+        named: Named { method, store, link_error: args.link_error, solver },
     })
 }
 

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use radiosity_core::Cost;
 use radiosity_io::{WriteError, write_atomically};
-use radiosity_render::numbers::STREAMS;
+use radiosity_render::numbers::{ROUND, STREAMS};
 use radiosity_render::{Allotment, Film};
 use serde_json::{Value, json};
 
@@ -95,5 +95,10 @@ pub fn read(path: &Path, film: Film, settings: &Settings) -> Result<Film, Failur
         }
         _ => return Err(damaged("it does not say how samples are allotted").into()),
     };
+    let least = rounds.saturating_mul(u64::from(ROUND)).saturating_mul(pixels as u64);
+    let even = |allotment: &Allotment| *allotment == Allotment::Even;
+    if samples < least || (rounds == 0) != (samples == 0) || even(&allotment) != even(film.allotment()) {
+        return Err(damaged("its counts do not fit each other").into());
+    }
     Ok(film.resume([rounds, samples], state, allotment, Cost { rays, ..Cost::default() }))
 }

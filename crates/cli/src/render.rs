@@ -15,14 +15,14 @@ use radiosity::{
     EnhancedRun, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict_enhanced,
     run_enhanced,
 };
-use radiosity_core::{Outcome, mix};
+use radiosity_core::Outcome;
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_geometry::{Occluders, Scene};
 use radiosity_io::{Imported, write_exr, write_png};
 use radiosity_render::numbers::ROUND;
 use radiosity_render::{
     Camera, Control, Exposure, FacetIrradiance, Field, Film, PathClass, PathClasses, PathTracer, Stage, Stored, Tone,
-    TwoPass, TwoPassSettings,
+    TwoPass, TwoPassSettings, fingerprint,
 };
 use serde_json::{Value, json};
 
@@ -184,22 +184,6 @@ fn settings(args: &RenderArgs, scene: &Scene, strategy: &Strategy, view: &Viewpo
         ("--even", (args.even || args.samples < ALLOTTED).to_string()),
         ("version of the program", env!("CARGO_PKG_VERSION").to_owned()),
     ]
-}
-
-/// A number that differs, but for chance, between scenes that differ in any corner or material.
-fn fingerprint(scene: &Scene) -> u64 {
-    let mut hash = mix(scene.surfaces.len() as u64);
-    let mut add = |word: u64| hash = mix(hash ^ word);
-    for surface in &scene.surfaces {
-        add(surface.material as u64);
-        for piece in &surface.pieces {
-            add(piece.vertices().len() as u64);
-            piece.vertices().iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
-        }
-    }
-    // Numbers are shown to their last bit.
-    format!("{:?}", scene.materials).bytes().for_each(|byte| add(byte.into()));
-    hash
 }
 
 /// A picture being taken.

@@ -65,6 +65,56 @@ fn time_alone_is_a_budget_and_too_little_of_it_is_refused() {
 }
 
 #[test]
+fn a_tolerance_by_links_counts_their_error() {
+    let folder = cube("choice_links");
+    let solve = |options: &str| -> (i32, Value) {
+        let ran = folder.run(&format!("solve cube.obj --tolerance 0.004 --solver hierarchical --json {options}"));
+        (ran.code, serde_json::from_str(&ran.stdout).unwrap_or(Value::Null))
+    };
+    // Faces that are asked for are refined without a choice.
+    for options in ["", "--ask 0,1", "--link-error 0.002"] {
+        let (code, done) = solve(options);
+        let refinement = &done["refinement"];
+        let [estimate, links] =
+            [&refinement["estimate"], &done["links"]["estimated_error"]].map(|value| value.as_f64().unwrap());
+        assert!(links > 0.0 && links < 0.004 && estimate > links, "{estimate}, of which {links}");
+        assert_eq!((refinement["met"] == true, code == 0), (estimate <= 0.004, estimate <= 0.004));
+        assert_eq!(refinement["steps"].as_array().unwrap().last().unwrap()["links_error"].as_f64(), Some(links));
+    }
+    // What is asked of links is kept, and says what it does not reach.
+    assert_eq!(solve("--link-error 0.01").0, 2);
+}
+
+#[test]
+fn a_solver_that_samples_is_not_chosen_for() {
+    let folder = cube("choice_samples");
+    let done = object(&folder, "solve cube.obj --tolerance 0.2 --solver stochastic --json");
+    assert_eq!((&done["choice"], &done["solver"]), (&Value::Null, &"stochastic".into()));
+    let refused = folder.run("solve cube.obj --time 1 --solver stochastic");
+    assert_eq!((refused.code, refused.stderr.lines().count()), (2, 1), "{}", refused.stderr);
+}
+
+#[test]
+fn time_that_runs_out_is_no_failure_where_no_tolerance_was_asked_for() {
+    let folder = cube("choice_clock");
+    // So few rays are noisier than expected: what the time is expected to allow is not met on any mesh.
+    let done = object(&folder, "solve cube.obj --time 0.1 --method rays+emitters --rays 2 --store sparse --json");
+    let (estimate, tolerance) = (&done["refinement"]["estimate"], &done["choice"]["tolerance"]);
+    assert_eq!(done["refinement"]["met"], false);
+    assert!(estimate.as_f64().is_none_or(|estimate| estimate > tolerance.as_f64().unwrap()), "{estimate}");
+}
+
+#[test]
+fn a_forecast_is_refused_where_meshes_are_many() {
+    let folder = cube("choice_forecast");
+    for budget in ["--tolerance 0.1", "--time 1", "--tolerance 0.1 --time 1"] {
+        let refused = folder.run(&format!("solve cube.obj --forecast {budget}"));
+        assert_eq!((refused.code, refused.stderr.lines().count()), (2, 1), "{}", refused.stderr);
+        assert!(refused.stderr.contains("--forecast"), "{}", refused.stderr);
+    }
+}
+
+#[test]
 fn a_comparison_at_a_tolerance_lists_predicted_and_measured() {
     let folder = cube("choice_compare");
     let done = object(&folder, "compare cube.obj --tolerance 0.05 --json");

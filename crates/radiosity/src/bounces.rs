@@ -17,8 +17,8 @@
 
 use radiosity_core::{BandValues, Bands, Direction, Observer, Solution, StopRule, System, solve_from};
 
-use crate::bounded::{Bounded, Missed, largest, norm, relative};
-use crate::run::{named, stop_rule};
+use crate::bounded::{Bounded, By, Missed, area_of, largest, norm, relative};
+use crate::run::{allowed, named, stop_rule};
 use crate::{Geometry, RunError, Shape, Strategy};
 
 /// By how much the unshot share falls where the solver stopped too early.
@@ -51,9 +51,15 @@ impl Strategy {
     }
 }
 
-/// Solves until what is unshot changes irradiance by at most what `strategy` allows, or to its unshot share.
+/// [`bounces`], but no more than `steps`; those where no number of them leaves the error, since it is not positive or no light is lost.
+fn followed(reflectance: f64, error: f64, steps: u64) -> u64 {
+    if (0.0..1.0).contains(&reflectance) && error > 0.0 { bounces(reflectance, error).min(steps) } else { steps }
+}
+
+/// Solves until what is unshot changes irradiance of the elements `asked` for by at most what `strategy` allows, or to its unshot share.
 pub(crate) fn solve_until(
     system: &System<'_>,
+    asked: &[bool],
     strategy: &Strategy,
     observer: &mut dyn Observer,
     from: Option<Bands<'_>>,
@@ -65,9 +71,6 @@ pub(crate) fn solve_until(
     let Some(error) = strategy.leaves_bounces().filter(|_| !per_band) else {
         return Ok((solve_from(system, solver, &plain, observer, from)?, None));
     };
-    if !(error > 0.0 && error < 1.0) {
-        return Err(RunError::Tolerance { value: error });
-    }
     let rho = largest(&system.reflectance().to_owned());
     let most = rho.iter().copied().fold(0.0, f64::max);
     let (sigma, found) = norm(system)?;
@@ -76,6 +79,8 @@ pub(crate) fn solve_until(
         return Ok((solve_from(system, solver, &plain, observer, from)?, None));
     }
     let (areas, total) = (system.areas(), system.power(&vec![1.0; system.elements()]));
+    // If none of it has an unknown, a black face say, its level is not known here, and the solver goes on to its unshot share.
+    let asked = (asked, area_of(areas, asked));
     let mut unshot = (error * (1.0 - most)).max(strategy.unshot);
     let mut done: Option<Solution> = None;
     loop {
@@ -90,14 +95,15 @@ pub(crate) fn solve_until(
             solution.verification += done.verification;
         }
         // z, and a vector of the norm that bounds what is missing.
-        let mut by = BandValues::zeros(system.bands(), system.elements());
-        solution.verification += system.irradiance(Direction::Gather, solution.radiosity.view(), by.view_mut())?;
+        let mut values = BandValues::zeros(system.bands(), system.elements());
+        solution.verification += system.irradiance(Direction::Gather, solution.radiosity.view(), values.view_mut())?;
         for (b, left) in left.iter().enumerate() {
-            let of_band = by.band_mut(b).iter().zip(solution.irradiance.band(b)).zip(areas);
+            let of_band = values.band(b).iter().zip(solution.irradiance.band(b)).zip(areas);
             let square: f64 = of_band.map(|((again, h), a)| a * (again - h).powi(2)).sum();
-            by.band_mut(b).fill((square / total).sqrt() / left);
+            values.band_mut(b).fill((square / total).sqrt() / left);
         }
-        let missed = relative(&by, &solution.irradiance, areas, total);
+        let by = By { values, pointwise: false };
+        let missed = relative(&by, &solution.irradiance, areas, asked);
         let stopped = unshot <= strategy.unshot || solution.steps >= strategy.steps;
         if missed <= error || stopped || solution.outcome != radiosity_core::Outcome::Converged {
             solution.verification += found;
@@ -111,13 +117,15 @@ pub(crate) fn solve_until(
 
 /// What a run of `strategy` on `geometry` will not follow, before anything is computed.
 pub(crate) fn foreseen(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Bounded> {
-    let error = strategy.leaves_bounces().filter(|_| strategy.shape != Shape::TwoLevel)?;
+    let error =
+        strategy.leaves_bounces().filter(|&error| strategy.shape != Shape::TwoLevel && allowed(error).is_ok())?;
     let rho = largest(&geometry.reflectance()).into_iter().fold(0.0, f64::max);
     Some(Bounded { measured: None, ..omission(strategy, rho, error, 0) })
 }
 
+/// What following bounces to an error of `error` leaves out, for the largest reflectance of a scene and so many steps taken.
 pub(crate) fn omission(strategy: &Strategy, reflectance: f64, error: f64, steps: u64) -> Bounded {
-    let (some, all) = (bounces(reflectance, error), bounces(reflectance, strategy.unshot));
+    let [some, all] = [error, strategy.unshot].map(|error| followed(reflectance, error, strategy.steps));
     // A shot is no bounce.
     let products = !matches!(strategy.solver.as_str(), "shooting" | "overshooting" | "direct" | "direct-f32");
     Bounded {

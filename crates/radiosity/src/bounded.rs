@@ -16,10 +16,18 @@
 //! ‖h‖² = Σ_e A_e h_e²,      prior ≥ ‖H − H*‖ / ‖H‖,      bound ≥ ‖H − H*‖ √(Σ A) / Σ A H
 //! ```
 //!
-//! in all bands together; the second is the measure of a report, whose means over cells make it no larger.
+//! in all bands together; the second is the measure of a report, whose means over cells make it no larger. Where only some surfaces W are asked for
+//! ([`Strategy::asked`]), it is a bound of their error relative to their own mean,
+//!
+//! ```text
+//! bound ≥ ‖H − H*‖_W √(Σ_W A) / Σ_W A H,      ‖H − H*‖_W ≤ ‖by‖_W if |H − H*| ≤ by in every element, else ≤ ‖H − H*‖ ≤ ‖by‖
+//! ```
+//!
+//! with sums over W alone; the prior stays one of all surfaces. Where W has no exposed area nothing is relative to it, and all surfaces count.
 
 use radiosity_core::{BandValues, Cost, System};
 
+use crate::importance::{exposed, is_asked};
 use crate::{Geometry, Plan, RunError, Strategy, bounces, thin};
 
 /// A bounded omission.
@@ -35,9 +43,9 @@ pub struct Bounded {
     pub predicted: u64,
     /// How many were not; `None` where that cannot be told.
     pub measured: Option<u64>,
-    /// Bound of the rms change of irradiance relative to its rms level, before anything is computed.
+    /// Bound of the rms change of irradiance relative to its rms level, over all surfaces, before anything is computed.
     pub prior: f64,
-    /// Bound of the rms change of irradiance relative to its mean level, after the solution; `None` if there is none.
+    /// Bound of the rms change of irradiance relative to its mean level, over the surfaces asked for, after the solution; `None` if there is none.
     pub bound: Option<f64>,
 }
 
@@ -46,10 +54,17 @@ pub fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy) -> Ve
     thin::foreseen(plan, geometry, strategy).into_iter().chain(bounces::foreseen(geometry, strategy)).collect()
 }
 
-/// A bounded omission and a vector that bounds |H − H*|, or has the norm of such a vector.
+/// A vector that bounds |H − H*|.
+pub(crate) struct By {
+    pub(crate) values: BandValues,
+    /// Whether it does in every element, or has only the norm of such a vector.
+    pub(crate) pointwise: bool,
+}
+
+/// A bounded omission and what bounds its effect, if anything does.
 pub(crate) struct Missed {
     pub(crate) omission: Bounded,
-    pub(crate) by: Option<BandValues>,
+    pub(crate) by: Option<By>,
 }
 
 /// What [`Bounded::counted`] says of form factors.
@@ -61,24 +76,40 @@ impl Missed {
         self.omission.measured.filter(|_| self.omission.counted == FORM_FACTORS)
     }
 
-    /// With the bound relative to irradiance `h` on the exposed elements; what is not a number there was not asked for.
-    pub(crate) fn relative_to(self, geometry: &Geometry<'_>, h: &BandValues) -> Bounded {
-        let areas = geometry.elements().areas();
-        let total: f64 = geometry.mesh().areas().iter().sum();
-        Bounded { bound: self.by.as_ref().map(|by| relative(by, h, &areas, total)), ..self.omission }
+    /// With the bound relative to irradiance `h` of the surfaces `asked` for, on the exposed elements; what is not a number there was not asked for.
+    pub(crate) fn relative_to(self, geometry: &Geometry<'_>, asked: Option<&[u32]>, h: &BandValues) -> Bounded {
+        let (areas, surfaces) = (geometry.elements().areas(), geometry.surfaces());
+        let asked = exposed(asked, &surfaces);
+        // Covered parts are part of a report.
+        let all: Vec<u32> = geometry.mesh().elements.iter().map(|element| element.surface).collect();
+        let total = area_of(&geometry.mesh().areas(), &is_asked(asked, &all));
+        let asked = is_asked(asked, &surfaces);
+        Bounded { bound: self.by.as_ref().map(|by| relative(by, h, &areas, (&asked, total))), ..self.omission }
     }
 }
 
-/// ‖by‖ √(Σ A) / Σ A H over all bands.
-pub(crate) fn relative(by: &BandValues, h: &BandValues, areas: &[f64], total: f64) -> f64 {
+/// Σ_W A.
+pub(crate) fn area_of(areas: &[f64], asked: &[bool]) -> f64 {
+    areas.iter().zip(asked).filter(|(_, asked)| **asked).map(|(area, _)| area).sum()
+}
+
+/// ‖by‖_W √A_W / Σ_W A H over all bands, W being what is asked for and A_W its area; infinite where no light arrives there.
+pub(crate) fn relative(by: &By, h: &BandValues, areas: &[f64], (asked, total): (&[bool], f64)) -> f64 {
     let bands = h.count() as f64;
-    let sum = |values: &BandValues, of: &dyn Fn(f64) -> f64| -> f64 {
-        let weighted = |b: usize| areas.iter().zip(values.band(b)).map(|(a, value)| a * of(*value)).sum::<f64>();
+    let sum = |values: &BandValues, all: bool, of: &dyn Fn(f64) -> f64| -> f64 {
+        let weighted = |b: usize| -> f64 {
+            let of_band = areas.iter().zip(values.band(b)).zip(asked);
+            of_band.filter(|(_, asked)| all || **asked).map(|((a, value), _)| a * of(*value)).sum()
+        };
         (0..values.count()).map(weighted).sum()
     };
-    let square = sum(by, &|by| by * by);
-    let level = sum(h, &|h| if h.is_nan() { 0.0 } else { h }) / (bands * total);
-    if square == 0.0 { 0.0 } else { (square / (bands * total)).sqrt() / level }
+    let square = sum(&by.values, !by.pointwise, &|by| by * by);
+    let light = sum(h, false, &|h| if h.is_nan() { 0.0 } else { h });
+    match (square == 0.0, light == 0.0) {
+        (true, _) => 0.0,
+        (_, true) => f64::INFINITY,
+        _ => (square / (bands * total)).sqrt() / (light / (bands * total)),
+    }
 }
 
 /// Largest reflectance of every band.

@@ -27,9 +27,9 @@ use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, 
 use rayon::prelude::*;
 
 use crate::estimate::analytic;
-use crate::importance::{Importance, is_asked, largest_of, weights};
+use crate::importance::{Importance, exposed, is_asked, largest_of, weights};
 use crate::predict::admit_links;
-use crate::run::{Made, named, stop_rule};
+use crate::run::{Made, allowed, named, stop_rule};
 use crate::strategy::partial_among;
 use crate::{DirectLight, Geometry, Method, Phase, RunError, Strategy};
 
@@ -77,7 +77,7 @@ pub(crate) fn solve_by_links(
     (error, direct): (f64, DirectLight),
     observer: &mut dyn Observer,
 ) -> Result<Made, RunError> {
-    check(error)?;
+    allowed(error)?;
     let clock = Instant::now();
     let reflectance = geometry.reflectance();
     let areas = geometry.elements().areas();
@@ -100,7 +100,8 @@ pub(crate) fn solve_by_links(
         (None, geometry.emission())
     };
     let linking = linking(geometry, &hierarchy, strategy.method, strategy.seed);
-    let asked = strategy.asks().map(|asked| weights(&is_asked(Some(asked), &geometry.surfaces())));
+    let surfaces = geometry.surfaces();
+    let asked = exposed(strategy.asks(), &surfaces).map(|asked| weights(&is_asked(Some(asked), &surfaces)));
     let counted = asked.as_deref().map_or(areas.clone(), |asked| areas.iter().zip(asked).map(|(a, w)| a * w).collect());
     let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref().map(|lit| (lit, &counted[..])));
     let mut brightness = Brightness::of(&hierarchy, &guess.sent, guess.level).linear();
@@ -201,7 +202,7 @@ pub(crate) fn fixed_links(
     error: f64,
     seed: u64,
 ) -> Result<(HierarchicalFormFactors, Cost), RunError> {
-    check(error)?;
+    allowed(error)?;
     let hierarchy = Arc::new(Hierarchy::new(geometry.mesh(), geometry.exposed(), geometry.elements()));
     let linking = linking(geometry, &hierarchy, method, seed);
     let brightness = Brightness::uniform(&hierarchy);
@@ -210,10 +211,6 @@ pub(crate) fn fixed_links(
     let (_, spent) = tighten(&linking, &mut links, &brightness, error, &mut threshold, &|_| Ok(()))?;
     cost += spent;
     Ok((HierarchicalFormFactors::new(hierarchy, &links), cost))
-}
-
-fn check(error: f64) -> Result<(), RunError> {
-    if error > 0.0 && error < 1.0 { Ok(()) } else { Err(RunError::Tolerance { value: error }) }
 }
 
 /// What makes the links of a geometry, with exact pairs by the estimator that `method` asks for.

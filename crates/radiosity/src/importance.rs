@@ -85,6 +85,11 @@ pub(crate) fn is_asked(asked: Option<&[u32]>, surfaces: &[u32]) -> Vec<bool> {
     surfaces.iter().map(|s| asked.is_none_or(|asked| asked.binary_search(s).is_ok())).collect()
 }
 
+/// `asked`, if one of them is among the `surfaces` of exposed elements; without any, no error is relative to them and all surfaces count.
+pub(crate) fn exposed<'s>(asked: Option<&'s [u32]>, surfaces: &[u32]) -> Option<&'s [u32]> {
+    asked.filter(|asked| surfaces.iter().any(|s| asked.binary_search(s).is_ok()))
+}
+
 /// 1 where it is true.
 pub(crate) fn weights(asked: &[bool]) -> Vec<f64> {
     asked.iter().map(|&asked| f64::from(u8::from(asked))).collect()

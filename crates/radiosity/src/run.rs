@@ -20,6 +20,7 @@ use crate::bounces::solve_until;
 use crate::bounded::{Bounded, Missed};
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
+use crate::importance::is_asked;
 use crate::plan::{Omissions, Plan, Savings, follow};
 use crate::predict::{Alternative, Bytes, admit};
 use crate::thin::{self, Thinned, fill_thinned};
@@ -206,9 +207,9 @@ impl Run<'_> {
         (self.meshing.time + self.form_factors.time + self.solution.time).as_secs_f64()
     }
 
-    /// Bound of the rms change of irradiance by all bounded omissions, relative to its mean level; `None` if one has no bound.
+    /// Bound of the rms change of irradiance by all bounded omissions, relative to its mean level, over the surfaces asked for; `None` if one has no bound.
     pub fn bounded_error(&self) -> Option<f64> {
-        self.bounded.iter().map(|omission| omission.bound).sum()
+        self.bounded.iter().try_fold(0.0, |sum, omission| Some(sum + omission.bound?))
     }
 
     /// Counts of all phases but verification.
@@ -222,8 +223,8 @@ impl Strategy {
     ///
     /// # Errors
     ///
-    /// [`RunError`] if there is no such solver, it does not read the form, or it or the store needs symmetric form factors
-    /// and the method gives none.
+    /// [`RunError`] if there is no such solver, it does not read the form, it or the store needs symmetric form factors
+    /// and the method gives none, or an error that may be left out is not in (0, 1).
     pub fn check(&self) -> Result<(), RunError> {
         self.check_rows(matches!(self.method, Method::Analytic { .. }), self.method.name())
     }
@@ -232,6 +233,7 @@ impl Strategy {
     pub(crate) fn check_rows(&self, symmetric: bool, rows: &'static str) -> Result<(), RunError> {
         let solver = named(&self.solver, self.seed)?;
         let (name, needs) = (solver.name(), solver.needs());
+        [self.thin, self.bounces].into_iter().flatten().try_for_each(allowed)?;
         let form = match self.shape {
             Shape::Full | Shape::TwoLevel => Form::Full,
             Shape::ElementsToPatches => Form::ElementsToPatches,
@@ -377,6 +379,8 @@ pub(crate) struct Made {
     hierarchical: Option<HierarchicalReport>,
     pub(crate) left_out: Savings,
     pub(crate) missed: Vec<Missed>,
+    /// Surfaces whose error bounds are to be of, if not all.
+    asked: Option<Vec<u32>>,
     pub(crate) solution: Solution,
 }
 
@@ -400,6 +404,7 @@ impl Made {
             hierarchical: None,
             left_out: Savings::default(),
             missed: Vec::new(),
+            asked: None,
             solution,
         }
     }
@@ -415,23 +420,28 @@ impl Made {
     }
 
     pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
-        let Self { form_factors, stored_bytes, checked, repair, forecast, hierarchical, left_out, missed, solution } =
-            self;
-        let bounded = missed.into_iter().map(|missed| missed.relative_to(&geometry, &solution.irradiance)).collect();
+        let h = &self.solution.irradiance;
+        let relative = |missed: Missed| missed.relative_to(&geometry, self.asked.as_deref(), h);
+        let bounded = self.missed.into_iter().map(relative).collect();
         Run {
             geometry,
             meshing,
-            form_factors,
-            stored_bytes,
-            checked,
-            repair,
-            forecast,
-            hierarchical,
-            left_out,
+            form_factors: self.form_factors,
+            stored_bytes: self.stored_bytes,
+            checked: self.checked,
+            repair: self.repair,
+            forecast: self.forecast,
+            hierarchical: self.hierarchical,
+            left_out: self.left_out,
             bounded,
-            solution,
+            solution: self.solution,
         }
     }
+}
+
+/// Whether an error can be asked for.
+pub(crate) fn allowed(error: f64) -> Result<(), RunError> {
+    if error > 0.0 && error < 1.0 { Ok(()) } else { Err(RunError::Tolerance { value: error }) }
 }
 
 pub(crate) fn stop_rule(strategy: &Strategy) -> StopRule {
@@ -519,7 +529,8 @@ pub(crate) fn solve_stored(
         }
         _ => with_system(geometry, store, form, |system| {
             let forecast = foresee(system, strategy)?;
-            let (mut solution, unfollowed) = solve_until(system, strategy, observer, from)?;
+            let asked = is_asked(strategy.asked.as_deref(), &geometry.surfaces());
+            let (mut solution, unfollowed) = solve_until(system, &asked, strategy, observer, from)?;
             let (dropped, cost) = thin::missed(system, &thinned, &solution.radiosity, strategy)?;
             solution.verification += cost;
             missed.extend(dropped.into_iter().chain(unfollowed));
@@ -537,7 +548,8 @@ pub(crate) fn solve_stored(
         Check::Find(..) => None,
     };
     let stored_bytes = held + patch_bytes;
-    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, missed, ..Made::of_solution(solution) })
+    let asked = strategy.asked.clone();
+    Ok(Made { form_factors, stored_bytes, checked, repair, forecast, missed, asked, ..Made::of_solution(solution) })
 }
 
 /// Checks a store between the elements or patches that `form` says.

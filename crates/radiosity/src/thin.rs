@@ -26,14 +26,14 @@
 
 use std::time::Instant;
 
-use radiosity_core::{BandValues, Cost, Direction, StopRule, System, solve_from};
+use radiosity_core::{BandValues, Cost, Direction, Outcome, StopRule, System, solve_from};
 use radiosity_form_factors::stores::{GivenBack, ThinnedFormFactors};
 use radiosity_form_factors::{Rows, ThinnedRows, Thinning};
 
-use crate::bounded::{Bounded, FORM_FACTORS, Missed, largest, norm};
+use crate::bounded::{Bounded, By, FORM_FACTORS, Missed, largest, norm};
 use crate::estimate::Filled;
 use crate::plan::{Plan, Role};
-use crate::run::{Known, fill_checked, named};
+use crate::run::{Known, allowed, fill_checked, named};
 use crate::{Geometry, Method, RunError, Shape, Store, Strategy};
 
 /// Largest share of a row that is dropped, however little it reflects.
@@ -61,13 +61,17 @@ impl Strategy {
     }
 }
 
-/// δ for an error of the answer, and the error that it bounds.
-fn share(geometry: &Geometry<'_>, error: f64) -> (f64, f64) {
+/// δ for an error of the answer, and the error that it bounds; `None` where none does: a reflectance is no less than 1, which makes no system, or
+/// the share vanishes.
+fn share(geometry: &Geometry<'_>, error: f64) -> Option<(f64, f64)> {
     let rho = largest(&geometry.reflectance()).into_iter().fold(0.0, f64::max);
+    if rho >= 1.0 {
+        return None;
+    }
     let twice = if geometry.closed() { 2.0 } else { 1.0 };
     let per_share = twice * rho / (1.0 - rho);
     let share = if per_share > 0.0 { (error / per_share).min(MOST) } else { MOST };
-    (share, share * per_share)
+    (share > 0.0).then_some((share, share * per_share))
 }
 
 /// Which exposed elements emit: light that comes straight from them is left as it is.
@@ -83,12 +87,10 @@ pub(crate) fn fill_thinned<'r>(
     unblocked: Option<f64>,
     strategy: &Strategy,
 ) -> Result<(Filled<'r>, Known), RunError> {
-    let Some(error) = strategy.thins() else { return fill_checked(geometry, rows, unblocked, strategy) };
-    if !(error > 0.0 && error < 1.0) {
-        return Err(RunError::Tolerance { value: error });
-    }
+    let Some((delta, prior)) = strategy.thins().and_then(|error| share(geometry, error)) else {
+        return fill_checked(geometry, rows, unblocked, strategy);
+    };
     let clock = Instant::now();
-    let (delta, prior) = share(geometry, error);
     let thinning = Thinning::new(geometry.elements(), &emits(geometry), delta);
     let looked = clock.elapsed();
     let kept = Box::new(ThinnedRows::new(rows, &thinning));
@@ -146,22 +148,25 @@ fn omission(pairs: u64, prior: f64) -> Bounded {
 
 /// What a run of `strategy` by `plan` on the mesh it made will drop, before anything is computed.
 pub(crate) fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Bounded> {
-    let error = strategy.thins()?;
+    let error = strategy.thins().filter(|&error| allowed(error).is_ok())?;
     let of = |part: &Geometry<'_>| {
-        let (delta, prior) = share(part, error);
-        (Thinning::new(part.elements(), &emits(part), delta).pairs(), prior)
+        let (delta, prior) = share(part, error)?;
+        Some((Thinning::new(part.elements(), &emits(part), delta).pairs(), prior))
     };
-    let all = if plan.omits() {
+    let all: Vec<(u64, f64)> = if plan.omits() {
         let surfaces = geometry.surfaces();
         let of_room = |room: u32| {
             let sends = |s: usize| plan.room[s] == room && plan.roles[s] == Role::Exchanges;
             let own: Vec<u32> = (0..surfaces.len() as u32).filter(|&e| sends(surfaces[e as usize] as usize)).collect();
             of(&geometry.part(&own, &plan.bands.solved, plan.keeps_rows()))
         };
-        plan.lit_rooms().into_iter().map(of_room).collect()
+        plan.lit_rooms().into_iter().filter_map(of_room).collect()
     } else {
-        vec![of(geometry)]
+        of(geometry).into_iter().collect()
     };
+    if all.is_empty() {
+        return None;
+    }
     let (pairs, prior) = all.into_iter().fold((0, 0.0_f64), |(n, most), (pairs, prior)| (n + pairs, most.max(prior)));
     Some(omission(pairs, prior))
 }
@@ -192,19 +197,22 @@ pub(crate) fn missed(
     // x = ρh solves x = ρg + ρF̃x, and h = g + F̃x.
     let mut light = g.clone();
     light.values_mut().iter_mut().zip(rho.values()).for_each(|(light, rho)| *light *= rho);
-    let mut by = BandValues::zeros(system.bands(), areas.len());
+    let mut values = BandValues::zeros(system.bands(), areas.len());
     if light.values().iter().any(|light| *light > 0.0) {
         let again = System::full(system.store(), areas, light.view(), rho)?;
         let stop = StopRule::unshot(BOUND_UNSHOT).steps(strategy.steps).unverified();
         let found = solve_from(&again, &mut *named(&strategy.solver, strategy.seed)?, &stop, &mut (), None)?;
         cost += found.cost;
-        cost += again.irradiance(Direction::Gather, found.radiosity.view(), by.view_mut())?;
+        if found.outcome != Outcome::Converged {
+            return Ok((Some(Missed { omission, by: None }), cost));
+        }
+        cost += again.irradiance(Direction::Gather, found.radiosity.view(), values.view_mut())?;
     }
-    for band in 0..by.count() {
-        let (h, g, rho) = (by.band_mut(band), g.band(band), rho.band(band));
+    for band in 0..values.count() {
+        let (h, g, rho) = (values.band_mut(band), g.band(band), rho.band(band));
         h.iter_mut().zip(g).for_each(|(h, g)| *h += g);
         let s = delta * h.iter().zip(rho).map(|(h, rho)| rho * h).fold(0.0, f64::max) / left;
         h.iter_mut().for_each(|h| *h += s);
     }
-    Ok((Some(Missed { omission, by: Some(by) }), cost))
+    Ok((Some(Missed { omission, by: Some(By { values, pointwise: true }) }), cost))
 }

@@ -2,8 +2,9 @@
 //!
 //! The error of piecewise constant elements falls like the element size h, or like h^½ where shadows are sharp, so the
 //! difference between the answers on h and h/2 estimates the error on h and lies above the error on h/2 in either case
-//! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound; where only some surfaces are
-//! asked for, the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
+//! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound, and links
+//! ([`crate::Store::Hierarchical`]), which err alike on both meshes, add their own; where only some surfaces are asked for,
+//! the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
 
 use radiosity_core::Cost;
 use radiosity_geometry::Scene;
@@ -24,6 +25,15 @@ pub struct ToleranceStep {
     pub difference: Option<ErrorMeasure>,
     /// Bound of what was left out, see [`Run::bounded_error`]; infinite if there is none.
     pub left_out: f64,
+    /// Estimated error of links; 0 if there are none.
+    pub links: f64,
+}
+
+impl ToleranceStep {
+    /// Estimate of the error on this mesh: the difference, what was left out and what links err by; `None` of the first mesh.
+    pub fn estimate(&self) -> Option<f64> {
+        self.difference.as_ref().map(|difference| difference.rms + self.left_out + self.links)
+    }
 }
 
 /// A run whose estimated error meets the tolerance, or the finest allowed.
@@ -32,12 +42,12 @@ pub struct ToleranceRun<'a> {
     pub run: Run<'a>,
     /// Every refinement, coarsest first.
     pub steps: Vec<ToleranceStep>,
-    /// Whether the last difference and what was left out met the tolerance.
+    /// Whether the last [`ToleranceStep::estimate`] met the tolerance.
     pub met: bool,
 }
 
-/// Runs `strategy` on 2, 4, 8, … elements along an edge until the rms difference on a `report_grid` is at most
-/// `tolerance`, or the next mesh would have more than `most_elements`.
+/// Runs `strategy` on 2, 4, 8, … elements along an edge until the estimated rms error on a `report_grid` is at
+/// most `tolerance`, or the next mesh would have more than `most_elements`.
 ///
 /// # Errors
 ///
@@ -82,8 +92,10 @@ pub fn run_to_tolerance_while<'a>(
         let left_out = run.bounded_error().unwrap_or(f64::INFINITY);
         let difference = before.as_ref().map(|before| before.error(&grid));
         let elements = run.geometry.elements().len();
-        let met = difference.as_ref().is_some_and(|d| d.rms + left_out <= tolerance);
-        steps.push(ToleranceStep { subdivision, elements, cost: run.cost(), difference, left_out });
+        let links = run.hierarchical.as_ref().map_or(0.0, |links| links.error);
+        let step = ToleranceStep { subdivision, elements, cost: run.cost(), difference, left_out, links };
+        let met = step.estimate().is_some_and(|estimate| estimate <= tolerance);
+        steps.push(step);
         if met || elements * 4 > most_elements || !go_on(&steps) {
             return Ok(ToleranceRun { run, steps, met });
         }

@@ -2,10 +2,13 @@
 
 mod common;
 
+use glam::DVec3;
+use radiosity::bounded::foreseen;
 use radiosity::plan::Omissions;
-use radiosity::{Adaptive, DirectLight, Goal, Importance, assemble, run_adaptive};
+use radiosity::{Adaptive, DirectLight, Goal, Importance, Plan, RunError, assemble, run_adaptive};
 use radiosity::{Bounded, GridValues, Method, Run, Store, Strategy, run};
 use radiosity_core::{Form, Outcome, StopRule, System};
+use radiosity_gallery::boxes::{faces, material, scene_of_loops};
 use radiosity_gallery::rooms::{black_floor, one_room, two_rooms};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
@@ -152,6 +155,113 @@ fn bounds_of_several_omissions_add() {
     assert_eq!((some.bounded.len(), some.bounded_error()), (2, Some(sum)));
     let [elements, cells] = differences(&some, &whole);
     assert!(elements <= sum && cells <= sum);
+}
+
+/// A corridor six times as long as wide: an end of this reflectance, surface 0, where only a hundredth of the light of the lamp at the other end arrives, and grey walls.
+fn corridor(end: f64) -> Scene {
+    let all = faces(DVec3::ZERO, DVec3::new(6.0, 1.0, 1.0), true).into_iter().zip([2, 0, 1, 1, 1, 1]);
+    let loops: Vec<_> = all.collect();
+    scene_of_loops(&loops, vec![material("lamp", 0.2, 5.0), material("walls", 0.6, 0.0), material("end", end, 0.0)])
+}
+
+/// What is little beside the light of a scene can be much beside that of one face: a bound relative to the scene lies below the face's error.
+#[test]
+fn bounds_are_of_the_face_that_is_asked_for_however_dim_it_is() {
+    let mut beyond_that_of_all = 0;
+    // A face that is an unknown, and one that is gathered at the end.
+    for end in [0.3, 0.0] {
+        let scene = corridor(end);
+        let whole = run(&scene, &strategy(6), &mut ()).unwrap();
+        let level = |run: &Run<'_>, asked: &[u32]| on(run, asked).level();
+        assert!(4.0 * level(&whole, &[0]) < level(&whole, &[0, 1, 2, 3, 4, 5]));
+        for (thin, bounces) in [(Some(0.1), None), (Some(0.01), None), (None, Some(0.1)), (None, Some(0.01))] {
+            let all = Strategy { thin, bounces, solver: "jacobi".to_owned(), ..strategy(6) };
+            let some = Strategy { asked: Some(vec![0]), ..all.clone() };
+            let [all, some] = [all, some].map(|strategy| run(&scene, &strategy, &mut ()).unwrap());
+            let errors = [&all, &some].map(|run| on(run, &[0]).error(&on(&whole, &[0])).rms);
+            let bounds = [&all, &some].map(|run| run.bounded_error().unwrap());
+            println!("{end} {thin:?} {bounces:?}: errors {errors:?}, bounds {bounds:?}");
+            assert!(errors[1] <= bounds[1] && bounds[1].is_finite(), "{end} {thin:?} {bounces:?}");
+            beyond_that_of_all += u32::from(errors[0] > bounds[0]);
+            // The solver goes on until the error of the face is what is asked for; where the face is no unknown, to the end.
+            if let Some(error) = bounces {
+                assert!(bounds[1] <= error && some.solution.steps > all.solution.steps);
+            }
+        }
+    }
+    assert!(beyond_that_of_all > 0);
+}
+
+/// Nothing asked for, or a sheet inside a block, which has no exposed area: as if all were asked for.
+#[test]
+fn surfaces_without_exposed_area_are_as_good_as_not_asked_for() {
+    let (size, top) = (DVec3::new(3.0, 4.0, 2.0), DVec3::new(2.0, 2.0, 1.0));
+    let sheet = [(1.2, 1.2), (1.8, 1.2), (1.8, 1.8), (1.2, 1.8)].map(|(x, y)| DVec3::new(x, y, 0.5)).to_vec();
+    let room = faces(DVec3::ZERO, size, true).into_iter().zip([0, 0, 0, 0, 0, 1]);
+    let block = faces(DVec3::new(1.0, 1.0, 0.0), top, false).into_iter().chain([sheet]).map(|face| (face, 0));
+    let loops: Vec<_> = room.chain(block).collect();
+    let scene = scene_of_loops(&loops, vec![material("grey", 0.5, 0.0), material("lamp", 0.5, 3.0)]);
+    let whole = run(&scene, &strategy(4), &mut ()).unwrap();
+    assert!(!whole.geometry.surfaces().contains(&12));
+    let links = Store::Hierarchical { error: 0.02, direct: DirectLight::WhereFew };
+    for asked in [vec![], vec![12]] {
+        let some = Strategy { asked: Some(asked.clone()), unshot: 1e-8, ..strategy(4) };
+        let thinned = run(&scene, &Strategy { thin: Some(0.1), bounces: Some(0.01), ..some.clone() }, &mut ()).unwrap();
+        assert!(thinned.bounded_error().unwrap().is_finite(), "{asked:?}");
+        let by_links = Strategy { store: links, ..some.clone() };
+        let everything = Strategy { asked: None, ..by_links.clone() };
+        let [linked, all] = [&by_links, &everything].map(|strategy| run(&scene, strategy, &mut ()).unwrap());
+        assert_eq!(linked.hierarchical, all.hierarchical, "{asked:?}");
+        let settings = Adaptive { most_elements: 400, ..Adaptive::new(Goal::Cells(4), 0.05) };
+        let some = Strategy { solver: "gauss-seidel".to_owned(), ..some };
+        let everything = Strategy { asked: None, ..some.clone() };
+        let [adapted, all] = [&some, &everything].map(|strategy| run_adaptive(&scene, strategy, &settings).unwrap());
+        let estimate = adapted.rounds.last().unwrap().estimate;
+        assert!(estimate.total().is_finite() && estimate.total() > 0.0, "{asked:?}: {estimate:?}");
+        assert_eq!(estimate, all.rounds.last().unwrap().estimate, "{asked:?}");
+    }
+}
+
+/// One step is no solution of the system of the bound.
+#[test]
+fn a_bound_that_was_not_solved_for_is_none() {
+    let scene = one_room();
+    let run = run(&scene, &Strategy { thin: Some(0.1), steps: 1, ..strategy(6) }, &mut ()).unwrap();
+    assert!(only(&run).measured.unwrap() > 0);
+    assert_eq!((only(&run).bound, run.bounded_error()), (None, None));
+}
+
+#[test]
+fn errors_that_cannot_be_asked_are_refused_and_other_settings_do_not_panic() {
+    let scene = one_room();
+    let settings = Adaptive::new(Goal::Points, 0.1);
+    for error in [0.0, -0.1, 1.0, f64::NAN, f64::INFINITY] {
+        for (thin, bounces) in [(Some(error), None), (None, Some(error))] {
+            let solver = "gauss-seidel".to_owned();
+            let asked = Strategy { thin, bounces, solver, ..strategy(2) };
+            let refusals = [
+                asked.check().err(),
+                run(&scene, &asked, &mut ()).err(),
+                run_adaptive(&scene, &asked, &settings).err(),
+            ];
+            for refused in refusals {
+                assert!(matches!(refused, Some(RunError::Tolerance { value }) if value.to_bits() == error.to_bits()));
+            }
+            let plan = Plan::new(&scene, &asked);
+            assert!(foreseen(&plan, &plan.mesh(&scene, &asked).unwrap(), &asked).is_empty());
+        }
+    }
+    // To no unshot share, in so many steps.
+    let endless = Strategy { bounces: Some(0.1), unshot: 0.0, steps: 40, ..strategy(2) };
+    let omission = run(&scene, &endless, &mut ()).unwrap().bounded.remove(0);
+    assert!(omission.bound.unwrap() <= 0.1 && omission.predicted < 40, "{omission:?}");
+    // Walls that lose nothing make no system, and it is the system that says so.
+    let mut lossless = one_room();
+    lossless.materials.iter_mut().for_each(|material| material.reflectance.fill(1.0));
+    let both = Strategy { thin: Some(0.1), bounces: Some(0.1), ..strategy(2) };
+    let plan = Plan::new(&lossless, &both);
+    assert_eq!(foreseen(&plan, &plan.mesh(&lossless, &both).unwrap(), &both).len(), 1);
+    assert!(matches!(run(&lossless, &both, &mut ()).err(), Some(RunError::System(_))));
 }
 
 /// The adjoint by the light of the asked surfaces: both sides are sums of the same products, solved to 1e-14.

@@ -1,11 +1,11 @@
 //! Facts about the choice of a strategy.
 
 use radiosity::choice::{Candidate, Choice, ChoiceError, Named, Steps, Target, Wanted, WhyNot};
-use radiosity::{Constants, GridValues, Method, Store, Strategy, run};
+use radiosity::{Constants, DirectLight, GridValues, Method, RunError, Store, Strategy, run, run_to_tolerance};
 use radiosity_gallery::boxes::{box_in_cube, empty_box, material};
 use radiosity_gallery::{BlockedLight, Hinge, furnace, rooms};
 use radiosity_geometry::Scene;
-use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::mesh::{MeshError, Subdivision};
 
 const CONSTANTS: fn() -> Constants = Constants::default;
 
@@ -128,6 +128,96 @@ fn candidates_agree_with_what_is_named() {
     let method = Some(Method::HEMICUBE);
     let wanted = Wanted { named: Named { method, ..Named::default() }, ..Wanted::tolerance(0.02) };
     assert_eq!(Choice::new(&scene, &wanted, &CONSTANTS()).unwrap_err(), ChoiceError::NoneAgrees);
+}
+
+/// The error of links of every candidate that has them.
+fn link_errors(choice: &Choice) -> Vec<f64> {
+    let error = |candidate: &Candidate| match candidate.strategy.store {
+        Store::Hierarchical { error, .. } => Some(error),
+        _ => None,
+    };
+    choice.ranking.iter().filter_map(|r| error(&r.candidate)).collect()
+}
+
+#[test]
+fn links_that_are_named_err_by_less_than_the_tolerance_unless_their_error_is_named_too() {
+    let scene = lit_box();
+    let named = |tolerance, link_error| {
+        let named = Named { store: Some(Store::HIERARCHICAL), link_error, ..Named::default() };
+        choose(&scene, &Wanted { named, ..Wanted::tolerance(tolerance) })
+    };
+    for tolerance in [0.004, 0.04] {
+        let choice = named(tolerance, None);
+        assert_eq!(choice.ranking.len(), 1);
+        let error = link_errors(&choice)[0];
+        assert!(error > 0.1 * tolerance && error < 0.5 * tolerance, "{error} at {tolerance}");
+        // What links err by is part of what is expected.
+        assert!(choice.chosen().expected.error > error);
+    }
+    assert_eq!(link_errors(&named(0.04, Some(0.007))), [0.007]);
+    let by_name = Named { link_error: Some(0.007), ..Named::default() };
+    assert_eq!(link_errors(&choose(&scene, &Wanted { named: by_name, ..Wanted::tolerance(0.04) })), [0.007]);
+    // Links worse than the tolerance never meet it.
+    let worse = Named { store: Some(Store::HIERARCHICAL), link_error: Some(0.05), ..Named::default() };
+    let refused = Choice::new(&scene, &Wanted { named: worse, ..Wanted::tolerance(0.04) }, &CONSTANTS()).unwrap_err();
+    assert!(matches!(refused, ChoiceError::NoneFits { why: WhyNot::Error { .. }, .. }), "{refused}");
+}
+
+#[test]
+fn a_tolerance_counts_the_error_of_links() {
+    let scene = lit_box();
+    let tolerance = 0.012;
+    let by_links = |error| {
+        let store = Store::Hierarchical { error, direct: DirectLight::WhereFew };
+        let strategy = Strategy { store, ..Strategy::new(Subdivision::Uniform(2), Method::OF_LINKS) };
+        run_to_tolerance(&scene, &strategy, tolerance, 8, 4000).unwrap()
+    };
+    let (fine, coarse) = (by_links(0.3 * tolerance), by_links(0.95 * tolerance));
+    for done in [&fine, &coarse] {
+        let (last, links) = (done.steps.last().unwrap(), done.run.hierarchical.as_ref().unwrap().error);
+        let (estimate, difference) = (last.estimate().unwrap(), last.difference.as_ref().unwrap().rms);
+        assert!(links > 0.0 && estimate >= links + difference);
+        assert_eq!(done.met, estimate <= tolerance);
+    }
+    assert!(fine.met, "{:?}", fine.steps);
+    // Two answers of coarse links differ by less than the tolerance long before their own error leaves room for that.
+    let agree = coarse.steps.iter().find(|s| s.difference.as_ref().is_some_and(|d| d.rms <= tolerance)).unwrap();
+    assert!(agree.estimate().unwrap() > tolerance, "{agree:?}");
+}
+
+#[test]
+fn the_estimate_of_a_candidate_of_links_is_not_below_their_error() {
+    let scene = lit_box();
+    let named = Named { store: Some(Store::HIERARCHICAL), ..Named::default() };
+    let choice = choose(&scene, &Wanted { named, ..Wanted::tolerance(0.03) });
+    let reached = choice.chosen().candidate.run(&scene, &choice.target, &mut || true).unwrap();
+    let (links, estimate) = (reached.run.hierarchical.as_ref().unwrap().error, reached.steps.estimate());
+    assert!(links > 0.0 && estimate > links && reached.met && estimate <= 0.03, "{estimate}, of which {links}");
+}
+
+#[test]
+fn no_candidate_agrees_with_a_solver_that_samples() {
+    let named = Named { solver: Some("stochastic".to_owned()), ..Named::default() };
+    let wanted = Wanted { named, ..Wanted::tolerance(0.02) };
+    assert_eq!(Choice::new(&lit_box(), &wanted, &CONSTANTS()).unwrap_err(), ChoiceError::NoneAgrees);
+}
+
+#[test]
+fn candidates_of_too_many_elements_leave_the_choice_to_the_others() {
+    let scene = lit_box();
+    let names = |report_grid| -> Vec<_> {
+        let choice = choose(&scene, &Wanted { report_grid, ..Wanted::tolerance(0.05) });
+        choice.ranking.iter().map(|r| r.candidate.name).collect()
+    };
+    let (few, some) = (names(8), names(3000));
+    let left: Vec<_> = few.iter().filter(|name| !some.contains(name)).collect();
+    assert_eq!(left, [&"rays, adaptive, many patches"]);
+    let uniform = names(u32::MAX);
+    assert!(!uniform.is_empty() && uniform.iter().all(|name| name.ends_with("uniform")), "{uniform:?}");
+    // No mesh of all that there are.
+    let endless = Wanted { report_grid: u32::MAX, most_elements: usize::MAX, ..Wanted::tolerance(1e-9) };
+    let refused = Choice::new(&scene, &endless, &CONSTANTS()).unwrap_err();
+    assert!(matches!(refused, ChoiceError::Run(RunError::Mesh(MeshError::TooMany { .. }))), "{refused}");
 }
 
 fn chosen_error(scene: &Scene, tolerance: f64, truth: &GridValues) -> f64 {

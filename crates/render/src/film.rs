@@ -211,9 +211,20 @@ impl Film {
 
     /// Weights of the rounds of every stream.
     fn weights(&self) -> [f64; STREAMS] {
-        let mut weights = [0.0; STREAMS];
-        (0..self.rounds).for_each(|round| weights[(round % STREAMS as u64) as usize] += self.weight(round));
-        weights
+        std::array::from_fn(|stream| {
+            // Rounds of a stream that are over, by allotments: an allotment has as many of every stream.
+            let taken = |end: u64| end.saturating_sub(stream as u64).div_ceil(STREAMS as u64);
+            let (mut weight, mut begin) = (0.0, 0);
+            while begin < self.rounds {
+                let end = match self.allotment {
+                    Allotment::Even => self.rounds,
+                    Allotment::ByNoise(_) => self.rounds.min(if begin == 0 { FIRST } else { begin.saturating_mul(2) }),
+                };
+                weight += self.weight(begin) * (taken(end) - taken(begin)) as f64;
+                begin = end;
+            }
+            weight
+        })
     }
 
     /// Mean values: pixel after pixel, its bands together. 0 without samples.

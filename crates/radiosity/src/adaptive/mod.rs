@@ -35,8 +35,8 @@ use radiosity_geometry::{Facets, Scene};
 use crate::bounces::omission;
 use crate::bounded::{Bounded, largest};
 use crate::estimate::{build, patch_rows};
-use crate::importance::{Importance, is_asked, largest_of, weights};
-use crate::run::named;
+use crate::importance::{Importance, exposed, is_asked, largest_of, weights};
+use crate::run::{allowed, named};
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
 
 pub use measure::ErrorEstimate;
@@ -199,9 +199,7 @@ pub fn run_adaptive_while<'a>(
     go_on: &mut dyn FnMut(&[Round]) -> bool,
 ) -> Result<AdaptiveRun<'a>, RunError> {
     let tolerance = adaptive.tolerance;
-    if !(tolerance > 0.0 && tolerance < 1.0) {
-        return Err(RunError::Tolerance { value: tolerance });
-    }
+    allowed(tolerance)?;
     Strategy { shape: Shape::ElementsToPatches, ..strategy.clone() }.check()?;
     let mut state = State::new(scene, strategy, adaptive)?;
     loop {
@@ -233,7 +231,7 @@ struct State<'a> {
     store: MovableFormFactors,
     method: Method,
     seed: u64,
-    /// Surfaces asked for, if not all are.
+    /// Surfaces asked for, some of them exposed, if not all are.
     asked: Option<Vec<u32>>,
     /// Elements that the first mesh would have beside its own if all were.
     coarse: u64,
@@ -254,7 +252,7 @@ impl<'a> State<'a> {
         let cells = adaptive.cells;
         // Every part of a cell that a contact cuts is a patch of its own: light does not pass a partition within one.
         let mut geometry = Geometry::new(scene, &MeshSettings { elements: cells, patches: None, contacts: true })?;
-        let (asked, mut coarse) = (strategy.asks().map(<[u32]>::to_vec), 0);
+        let (asked, mut coarse) = (exposed(strategy.asks(), &geometry.surfaces()).map(<[u32]>::to_vec), 0);
         for _ in 0..adaptive.level.max(adaptive.nesting(&geometry)) {
             let surfaces: Vec<u32> = geometry.mesh().elements.iter().map(|element| element.surface).collect();
             let some = is_asked(asked.as_deref(), &surfaces);

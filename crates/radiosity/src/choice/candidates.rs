@@ -12,10 +12,11 @@
 //! | packed pairs, uniform | | | full, packed-f32, `cg` |
 //! | rays, uniform | | 256 rays a row | full, sparse, `gauss-seidel` |
 //! | many rays, uniform | | 1,024 rays a row | full, sparse, `gauss-seidel` |
-//! | links, uniform | | pairs of nodes, erring by half of the tolerance | full, hierarchical, `cg` |
+//! | links, uniform | | pairs of nodes, erring by 0.3 of the tolerance | full, hierarchical, `cg` |
 //!
 //! K is the number of report cells along an edge. What is *not* here: hemicubes, whose error of centres stays at 1 to 2 % of irradiance however fine they are;
-//! and solvers of the same system that differ by less than the form factors take.
+//! solvers of the same system that differ by less than the form factors take; and solvers that sample, whose time grows like the inverse square of an error that
+//! must lie far below the tolerance.
 
 use radiosity_core::Cost;
 use radiosity_geometry::Scene;
@@ -33,8 +34,8 @@ const SEGMENTS: u32 = 64;
 const RAYS: [u32; 2] = [256, 1024];
 /// Unshot share at which solvers stop, in units of the tolerance.
 const UNSHOT: f64 = 0.01;
-/// Error of links, in units of the tolerance.
-const LINKS: f64 = 0.5;
+/// Error of links, in units of the tolerance; the rest of that is for the difference of two meshes.
+const LINKS: f64 = 0.3;
 
 /// How a procedure comes to its tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,8 +76,10 @@ pub struct Candidate {
 pub struct Named {
     /// The estimator with its settings.
     pub method: Option<Method>,
-    /// The store.
+    /// The store; of links what light they carry, their error being [`Self::link_error`].
     pub store: Option<Store>,
+    /// Error of links; the share of the tolerance that candidates leave to them if not given.
+    pub link_error: Option<f64>,
     /// The solver.
     pub solver: Option<String>,
 }
@@ -95,9 +98,7 @@ impl Steps {
     pub fn estimate(&self) -> f64 {
         match self {
             Self::Adaptive(rounds) => rounds.last().map_or(f64::NAN, |round| round.estimate.total()),
-            Self::Uniform(steps) => {
-                steps.last().and_then(|step| step.difference.as_ref()).map_or(f64::NAN, |error| error.rms)
-            }
+            Self::Uniform(steps) => steps.last().and_then(ToleranceStep::estimate).unwrap_or(f64::NAN),
         }
     }
 
@@ -164,18 +165,23 @@ impl Candidate {
             self.strategy.method = method;
         }
         if let Some(store) = named.store {
-            // Rows that meshes change under are kept in a store of their own, which is dense.
-            let links = |store| matches!(store, Store::Hierarchical { .. });
-            let same = store == self.strategy.store || links(store) && links(self.strategy.store);
-            if !same && (self.refine != Refine::Uniform || links(store) || links(self.strategy.store)) {
-                return None;
-            }
-            self.strategy.store = store;
+            self.strategy.store = match (store, self.strategy.store) {
+                (Store::Hierarchical { direct, .. }, Store::Hierarchical { error, .. }) => {
+                    Store::Hierarchical { error, direct }
+                }
+                (Store::Hierarchical { .. }, _) | (_, Store::Hierarchical { .. }) => return None,
+                // Rows that meshes change under are kept in a store of their own, which is dense.
+                (store, own) if store != own && self.refine != Refine::Uniform => return None,
+                (store, _) => store,
+            };
+        }
+        if let (Some(asked), Store::Hierarchical { error, .. }) = (named.link_error, &mut self.strategy.store) {
+            *error = asked;
         }
         if let Some(solver) = &named.solver {
             self.strategy.solver.clone_from(solver);
         }
-        self.strategy.check().is_ok().then_some(self)
+        (!self.strategy.samples() && self.strategy.check().is_ok()).then_some(self)
     }
 }
 
@@ -213,7 +219,7 @@ pub(super) fn candidates(
         adaptive("pairs, adaptive, few patches", pairs, (k / 2).max(1)),
         adaptive("rays, adaptive", few, k),
         adaptive("rays, adaptive, few patches", few, (k / 2).max(1)),
-        adaptive("rays, adaptive, many patches", few, 2 * k),
+        adaptive("rays, adaptive, many patches", few, k.saturating_mul(2)),
         adaptive("many rays, adaptive", many, k),
         uniform("pairs, uniform", pairs, Store::Dense),
         uniform("packed pairs, uniform", pairs, Store::PackedSingle),

@@ -302,7 +302,8 @@ impl Model<'_> {
             let report = f64::from(target.report_grid);
             let noise = rays.map_or(0.0, |rays| self.noise(rays) * 1.2 * (2.0 * report / k).min(2.0));
             let held = if k <= report { self.pilot.receivers * self.finer(k).recip() } else { 0.0 };
-            let error = (self.senders(k).powi(2) + held.powi(2) + noise.powi(2)).sqrt();
+            let links = if let Store::Hierarchical { error, .. } = strategy.store { error } else { 0.0 };
+            let error = (self.senders(k).powi(2) + held.powi(2) + noise.powi(2)).sqrt() + links;
             let next = self.elements(scene, 2 * cells)?;
             // The pilot is the difference of the first two meshes, and one alone says nothing.
             if rounds > 1 && error <= target.tolerance || next > target.most_elements as f64 {

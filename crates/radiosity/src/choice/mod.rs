@@ -15,6 +15,7 @@ mod pilot;
 
 use std::time::{Duration, Instant};
 
+use radiosity_geometry::mesh::MeshError;
 use radiosity_geometry::{Occluders, Scene};
 
 use crate::{Bytes, Method, RunError};
@@ -210,12 +211,20 @@ fn estimator_of_pairs(target: &Target, scene: &Scene, seed: u64) -> Method {
     found[0].strategy.method
 }
 
-/// All candidates with what is expected of them, the chosen one first.
+/// All candidates with what is expected of them, the chosen one first; without those of which not even a mesh can be foreseen, if there are others.
 fn rank(scene: &Scene, model: &Model<'_>, target: &Target, wanted: &Wanted) -> Result<Vec<Ranked>, ChoiceError> {
     let all = candidates(target, model.pilot.blocking, (wanted.seed, wanted.memory), &wanted.named);
     let mut ranking = Vec::with_capacity(all.len());
+    let mut too_many = None;
     for candidate in all {
-        let expected = model.expect(scene, &candidate, target)?;
+        let expected = match model.expect(scene, &candidate, target) {
+            Ok(expected) => expected,
+            Err(error @ RunError::Mesh(MeshError::TooMany { .. })) => {
+                too_many = Some(error);
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
         let memory = wanted.memory.filter(|&limit| expected.peak_bytes > limit);
         let time = wanted.time.filter(|&limit| expected.seconds > limit);
         let why_not = match (memory, time) {
@@ -230,7 +239,7 @@ fn rank(scene: &Scene, model: &Model<'_>, target: &Target, wanted: &Wanted) -> R
         ranking.push(Ranked { candidate, expected, why_not });
     }
     if ranking.is_empty() {
-        return Err(ChoiceError::NoneAgrees);
+        return Err(too_many.map_or(ChoiceError::NoneAgrees, ChoiceError::Run));
     }
     // Nearest of those that do not fit is first what reaches the error, then what takes least time.
     let order = |ranked: &Ranked| match ranked.why_not {

@@ -144,7 +144,8 @@ fn solve(geometry: &Geometry<'_>, seed: u64) -> Result<Solved, RunError> {
     let emitted = mean(&areas, &geometry.emission(), |e| e);
     let reflected = if emitted > 0.0 { mean(&areas, b, |b| b) / emitted } else { 1.0 };
     let mut to_emitters = (areas.len() as f64, filling.cost);
-    to_emitters.1.rays -= if free { 0 } else { areas.len() as u64 * u64::from(PILOT_RAYS) };
+    let cast = if free { 0 } else { areas.len() as u64 * u64::from(PILOT_RAYS) };
+    to_emitters.1.rays = to_emitters.1.rays.saturating_sub(cast);
     Ok(Solved {
         senders: reflected * rms(&lost),
         receivers: rms(&apart(geometry, &areas, h)),

@@ -297,8 +297,9 @@ fn ranges(face_of: impl Iterator<Item = u32>, faces: usize) -> Vec<Range> {
 
 /// Cells that a face would have.
 fn cells(scene: &Scene, surface: usize, polygon: &Polygon, strategy: &Strategy) -> Option<MeshSize> {
-    let alone = Surface { pieces: vec![polygon.clone()], ..scene.surfaces[surface].clone() };
-    let scene = Scene { surfaces: vec![alone], materials: scene.materials.clone() };
+    let of = &scene.surfaces[surface];
+    let alone = Surface { pieces: vec![polygon.clone()], material: 0, ..of.clone() };
+    let scene = Scene { surfaces: vec![alone], materials: vec![scene.materials[of.material].clone()] };
     MeshSize::of(&scene, &strategy.mesh).ok()
 }
 

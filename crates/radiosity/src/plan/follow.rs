@@ -97,8 +97,10 @@ pub(crate) fn follow<'a>(
         let rho = part.reflectance().values().iter().copied().fold(0.0, f64::max);
         let more = if black { (1.0 + rho * rho).sqrt() } else { 1.0 };
         for by in made.missed.iter_mut().filter_map(|missed| missed.by.as_mut()) {
-            *by = spread(&plan.bands, &all.elements, surfaces.len(), by);
-            by.values_mut().iter_mut().for_each(|by| *by *= more);
+            by.values = spread(&plan.bands, &all.elements, surfaces.len(), &by.values);
+            by.values.values_mut().iter_mut().for_each(|by| *by *= more);
+            // Of black elements it says nothing one by one.
+            by.pointwise &= !black;
         }
         made.solution.time += clock.elapsed();
         made

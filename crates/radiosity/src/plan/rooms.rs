@@ -35,12 +35,12 @@ const DIRECTIONS: [[f64; 3]; 4] = [[0.0, 0.0, 1.0], [0.31, 0.17, 1.0], [-0.23, 0
 
 /// The room of every surface, numbered in the order in which they occur; `None` if none is proven or the scene is too large to look.
 ///
-/// `most` bounds the pairs of faces of shells and faces near them that may be looked at.
+/// `most` bounds the pairs of faces that meet at edges of more than two, and those of faces of shells and faces near them, that may be looked at.
 pub(super) fn rooms(scene: &Scene, most: u64) -> Option<Vec<u32>> {
     let pieces: Vec<(usize, &Polygon)> = scene.pieces().collect();
     let faces: Vec<&Polygon> = pieces.iter().map(|(_, face)| *face).collect();
     let diagonal = scene.diagonal();
-    let shells = shells(&faces, diagonal);
+    let shells = shells(&faces, diagonal, most)?;
     let rounding = Occluders::rounding(scene);
     // Faces beside the box of a shell are told by it, sixteen for the price of one look at a face of the shell.
     let bounds: Vec<(DVec3, DVec3)> = faces.iter().map(|face| face.bounds()).collect();
@@ -124,8 +124,8 @@ struct Side {
     forward: bool,
 }
 
-/// Closed shells of faces whose fronts face inward, each a list of faces.
-fn shells(faces: &[&Polygon], diagonal: f64) -> Vec<Vec<usize>> {
+/// Closed shells of faces whose fronts face inward, each a list of faces; `None` if more than `most` pairs of faces meet at edges of more than two.
+fn shells(faces: &[&Polygon], diagonal: f64, most: u64) -> Option<Vec<Vec<usize>>> {
     // Faces at every edge between two vertices that are equal to the last bit.
     let mut vertices: HashMap<[u64; 3], u32> = HashMap::new();
     let mut number = |v: DVec3| {
@@ -148,6 +148,10 @@ fn shells(faces: &[&Polygon], diagonal: f64) -> Vec<Vec<usize>> {
             edges[place].1.push(Side { face, forward: from < to });
         }
     }
+    let crowded = edges.iter().map(|(_, sides)| sides.len() as u64).filter(|&sides| sides > 2);
+    if crowded.map(|sides| sides.saturating_mul(sides)).fold(0, u64::saturating_add) > most {
+        return None;
+    }
     // Neighbours seen from the front, and faces with an edge that has none.
     let mut joined = Sets::new(faces.len());
     let mut open = vec![false; faces.len()];
@@ -169,7 +173,7 @@ fn shells(faces: &[&Polygon], diagonal: f64) -> Vec<Vec<usize>> {
         shell.iter().map(|&face| cone(faces[face])).sum::<f64>() < -FLAT * diagonal.powi(3)
     };
     let closed = |shell: &Vec<usize>| !shell.is_empty() && shell.iter().all(|&face| !open[face]);
-    members.into_iter().filter(|shell| closed(shell) && inward(shell)).collect()
+    Some(members.into_iter().filter(|shell| closed(shell) && inward(shell)).collect())
 }
 
 /// The side that is met first on turning about an edge from the front of side k, if it runs the other way.
@@ -392,6 +396,21 @@ mod tests {
         let found = rooms(&tower, 40 * 6 * 36 + 1200).unwrap();
         let storey = |s: usize| s / radiosity_gallery::rooms::STOREY;
         assert!((0..found.len()).all(|s| found[s] as usize == storey(s)), "{found:?}");
+    }
+
+    /// 100 sheets hinged on one edge of a room: 102² pairs there, and 12 edges of 2.
+    #[test]
+    fn an_edge_of_many_faces_is_not_looked_at_beyond_what_may_be() {
+        let leaf = |k: u32| {
+            let (y, z) = (f64::from(k) * 0.015 + 0.01).sin_cos();
+            [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, y, z), (0.0, y, z)].map(|(x, y, z)| DVec3::new(x, y, z)).to_vec()
+        };
+        let all = cuboid([0.0; 3], [3.0, 4.0, 2.0], true).into_iter().chain((0..100).map(leaf));
+        let loops: Vec<_> = all.map(|face| (face, 0)).collect();
+        let scene = scene_of_loops(&loops, vec![material("grey", 0.5, 1.0)]);
+        let faces: Vec<&Polygon> = scene.pieces().map(|(_, face)| face).collect();
+        let found = [102 * 102 - 1, 102 * 102].map(|most| shells(&faces, scene.diagonal(), most).is_some());
+        assert_eq!(found, [false, true]);
     }
 
     #[test]

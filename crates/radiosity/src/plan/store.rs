@@ -3,7 +3,7 @@
 //!
 //! | store | is taken where |
 //! |---|---|
-//! | `packed` | form factors are symmetric, the solver gathers, and a pair kept once takes less than both of its entries |
+//! | `packed` | form factors are symmetric, the solver reads them by products alone, and a pair kept once takes less than both of its entries |
 //! | `packed-f32` | so, and its rounding of 2⁻²⁴ of an entry is at most a sixteenth of the unshot share that is asked for |
 //! | `sparse` | entries that are not zero, with their places, take less than half of what the others would |
 //! | `dense` | nothing of that holds, or the strategy needs whole rows |
@@ -12,7 +12,8 @@
 //! Rounding of entries and an unshot rest both reach the answer through the same bounces, at most 1/(1 − ρ) times themselves, so they are compared as
 //! they are. Bytes are exact but for sparse stores, which are taken by a bound of their entries: a row of N rays has no more than N, and pairs of
 //! which one lies behind the other have none. Pairs that something hides are not known before they are computed, and count as entries here. Gathers read a packed
-//! store in half the time; sweeps and shots go through it row by row and lose that (ARCHITECTURE, "Packed tiles").
+//! store in half the time; sweeps, shots and factorisations go through it row by row and lose that (ARCHITECTURE, "Packed tiles"): for them it is only what fits
+//! where `dense` does not.
 //!
 //! What is *not* here: links, which have an error of their own and are asked for.
 
@@ -92,8 +93,8 @@ impl std::fmt::Display for StoreReason {
     }
 }
 
-/// Solvers that read row by row, not whole products.
-const READS_ROWS: [&str; 4] = ["gauss-seidel", "sor", "shooting", "overshooting"];
+/// Solvers that read row by row, not whole products: sweeps, shots, and factorisations, which copy every row.
+const READS_ROWS: [&str; 6] = ["direct", "direct-f32", "gauss-seidel", "sor", "shooting", "overshooting"];
 /// Share of the unshot rest that the rounding of entries may be.
 const ROUNDING_SHARE: f64 = 1.0 / 16.0;
 /// Relative rounding of an entry in single precision.
@@ -114,7 +115,7 @@ pub fn choose_store(size: &Size, fill: f64, strategy: &Strategy) -> StoreChoice 
     let plain = (Store::Dense, if whole_rows { StoreReason::WholeRows } else { StoreReason::Plain }, dense);
     let once = (Store::Packed, StoreReason::Once { bytes: double, dense }, double);
     let mut choices = vec![plain];
-    if pairwise && strategy.shape == Shape::Full && double < dense {
+    if pairwise && strategy.shape == Shape::Full && !whole_rows && double < dense {
         choices.insert(if gathers { 0 } else { 1 }, once);
         if gathers && SINGLE <= ROUNDING_SHARE * strategy.unshot {
             let reason = StoreReason::Rounded { bytes: single, unshot: strategy.unshot };
@@ -180,6 +181,7 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use radiosity_geometry::mesh::Subdivision;
+    use radiosity_solvers::{NAMES, STOCHASTIC};
 
     use super::*;
 
@@ -198,6 +200,30 @@ mod tests {
         let few = Size { mesh_elements: 150, elements: 150, patches: 150, bands: 3 };
         let strategy = Strategy::new(Subdivision::Uniform(1), Method::ANALYTIC);
         assert_eq!(choose_store(&few, 1.0, &strategy).store, Store::Dense);
+    }
+
+    #[test]
+    fn every_solver_gets_the_store_that_it_reads_best() {
+        for name in NAMES.into_iter().chain([STOCHASTIC]) {
+            let mut strategy = Strategy::new(Subdivision::Uniform(1), Method::ANALYTIC);
+            strategy.solver = name.to_owned();
+            let found = choose_store(&SIZE, 1.0, &strategy);
+            let (dense, bytes) = (8 * SIZE.elements.pow(2), PackedFormFactors::<f64>::bytes(SIZE.elements as usize));
+            let expected = match name {
+                // Products alone.
+                "jacobi" | "chebyshev" | "cg" | "deflated-cg" | "gmres" => {
+                    (Store::Packed, StoreReason::Once { bytes, dense })
+                }
+                // Rows in turn; dense ones are no larger than what a factorisation holds beside them.
+                "direct" | "direct-f32" | "gauss-seidel" | "sor" | "shooting" | "overshooting" => {
+                    (Store::Dense, StoreReason::Plain)
+                }
+                // Draws from whole rows.
+                "stochastic" => (Store::Dense, StoreReason::WholeRows),
+                other => panic!("which store does {other} read best?"),
+            };
+            assert_eq!((found.store, found.reason), expected, "{name}");
+        }
     }
 
     /// 2⁻²⁴ = 6·10⁻⁸ is a sixteenth of 9.5·10⁻⁷.
