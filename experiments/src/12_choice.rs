@@ -373,7 +373,7 @@ impl Experiment for StrategyChoice {
             .title("Predicted and measured")
             .series(against(false, "other candidates"))
             .series(against(true, "chosen"))
-            .slope(1.0, "as predicted");
+            .diagonal("as predicted");
         vec![
             Figure::new("regret", "Time of the chosen strategy over that of the best in hindsight").panel(best),
             Figure::new("prediction", "Predicted against measured time").panel(times),

@@ -65,7 +65,7 @@ pub(super) fn entries(figure: &Figure, notes: bool) -> Vec<Entry> {
         }
     }
     for guide in figure.panels.iter().flat_map(|panel| &panel.guides) {
-        let (Guide::Level { label, .. } | Guide::Slope { label, .. }) = guide;
+        let (Guide::Level { label, .. } | Guide::Slope { label, .. } | Guide::Diagonal { label }) = guide;
         add(Sample::Guide, label, None);
     }
     let points =

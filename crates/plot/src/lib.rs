@@ -171,6 +171,8 @@ enum Guide {
     Level { y: f64, label: String },
     /// A power law through the middle of the first series.
     Slope { slope: f64, label: String },
+    /// Where ordinate and abscissa are the same.
+    Diagonal { label: String },
 }
 
 /// One pair of axes with its series.
@@ -224,6 +226,12 @@ impl Panel {
     /// With the slope theory expects, drawn through the middle of the first series (log–log panels only).
     pub fn slope(mut self, slope: f64, label: impl Into<String>) -> Self {
         self.guides.push(Guide::Slope { slope, label: label.into() });
+        self
+    }
+
+    /// With the line y = x: what is compared agrees on it.
+    pub fn diagonal(mut self, label: impl Into<String>) -> Self {
+        self.guides.push(Guide::Diagonal { label: label.into() });
         self
     }
 }

@@ -135,7 +135,7 @@ fn settle(figure: &Figure, height: f64, several: bool) -> Vec<Settled<'_>> {
         let points = panel.series.iter().flat_map(|s| &s.points).map(|p| p.y);
         let levels = panel.guides.iter().filter_map(|g| match g {
             Guide::Level { y, .. } => Some(*y),
-            Guide::Slope { .. } => None,
+            Guide::Slope { .. } | Guide::Diagonal { .. } => None,
         });
         points.chain(levels).collect()
     };
@@ -408,7 +408,8 @@ fn draw_guide(settled: &Settled<'_>, guide: &Guide, area: Area, shapes: &mut Vec
             let (u, v) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + u / n, b + v / n));
             curve(settled, area, |x| (v + slope * (x.ln() - u)).exp(), settled.x.ends())
         }
-        _ => return,
+        Guide::Diagonal { .. } => curve(settled, area, |x| x, settled.x.ends()),
+        Guide::Level { .. } | Guide::Slope { .. } => return,
     };
     for piece in clip(&points, area.low, area.high) {
         dashed_line(&piece, Dash::Dashed, 1.2, GREY, shapes);

@@ -70,13 +70,44 @@ fn the_fitted_slope_stands_in_the_figure() {
     }
 }
 
+/// Points with y = x lie on it, a point with y = 2 x does not.
+#[test]
+fn the_diagonal_goes_where_both_are_the_same() {
+    let points = [(1.0, 1.0), (5.0, 5.0), (40.0, 40.0), (10.0, 20.0)];
+    let series = Series::new("Jacobi", "jacobi").values(points).scatter();
+    let panel = Panel::new(Axis::log("predicted", "s"), Axis::log("measured", "s")).series(series);
+    let drawing = Figure::new("test", "").panel(panel.diagonal("as predicted")).draw();
+    let marks = drawing.shapes.iter().filter_map(|s| if let Shape::Mark { at, .. } = s { Some(*at) } else { None });
+    let marks: Vec<(f64, f64)> = marks.take(4).collect();
+    let dashes: Vec<(f64, f64)> = drawing.shapes.iter().filter_map(dash_of_guide).flatten().collect();
+    assert!(dashes.len() > 20);
+    let [(x0, y0), (x1, y1)] = [marks[0], marks[2]];
+    let off = |(x, y): (f64, f64)| ((x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)) / (x1 - x0).hypot(y1 - y0);
+    assert!(dashes.iter().all(|at| off(*at).abs() < 0.01) && off(marks[1]).abs() < 0.01 && off(marks[3]).abs() > 5.0);
+}
+
+/// The ends of a dash of a guide that is not level: grey and thin, and no tick or sample of the legend.
+fn dash_of_guide(shape: &Shape) -> Option<Vec<(f64, f64)>> {
+    match shape {
+        Shape::Line { points, width, .. } if *width == 1.2 && points[0].1 != points[points.len() - 1].1 => {
+            Some(points.clone())
+        }
+        _ => None,
+    }
+}
+
 #[test]
 fn nothing_is_drawn_outside_of_the_figure() {
     let wild =
         [point(1e-9, 1e9, Quality::Good), point(0.0, -1.0, Quality::Good), point(f64::NAN, 3.0, Quality::Failed)];
     let panel = |x: Axis| {
         let long = Series::new("a rather long label of a series", "elements-to-patches").points(wild).fit();
-        Panel::new(x, Axis::log("error", "")).series(long).title("panel").slope(2.0, "∝ m²").level(1e3, "goal")
+        Panel::new(x, Axis::log("error", ""))
+            .series(long)
+            .title("panel")
+            .slope(2.0, "∝ m²")
+            .level(1e3, "goal")
+            .diagonal("same")
     };
     for n in 1..=6 {
         let panels = (0..n).map(|k| panel(Axis::log("time", "s").limits(1e-3, 10f64.powi(k))));
