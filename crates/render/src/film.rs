@@ -10,7 +10,7 @@
 //!
 //! Variances are those of the pixel, and in equal parts of the 3 × 3 pixels around it, so that what few samples have overlooked is found beside it. Every pixel takes
 //! at least one net of [`ROUND`] a round, and where σ is its mean two, up to 256. With σ of a Cornell box with a glass sphere known, samples in proportion leave an eighth of the
-//! variance of even ones; of these rules about a sixth is to be expected. What is *not* here: what samples cost, which is taken as the same everywhere.
+//! variance of even ones; these rules leave three tenths after a thousand samples a pixel (experiment 10). What is *not* here: what samples cost, which is taken as the same everywhere.
 
 use radiosity_core::{Cost, mix};
 use rayon::prelude::*;
