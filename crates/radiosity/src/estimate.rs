@@ -70,12 +70,34 @@ pub(crate) fn with_emitters<'a>(
     if let Method::RaysAndEmitters { rays } = method {
         let tolerance = EMITTER_ERROR / f64::from(rays);
         let rays = RayCast::new(sources, receivers, hits(), rays, seed);
-        let blockers = geometry.blockers();
-        let analytic = analytic(blockers, partial_among(blockers.len(), tolerance));
-        let pairs = PairwiseRows::new(analytic, sources, geometry.senders().0, tolerance, seed);
-        return Ok(Box::new(ExactEmitters::new(rays, pairs, senders(geometry, form, targets))));
+        let partial = partial_among(geometry.blockers().len(), tolerance);
+        return Ok(Box::new(exact_emitters(geometry, form, (rays, sources, targets), (tolerance, partial), seed)));
     }
     build(method, sources, targets, receivers, geometry.blockers(), hits, seed)
+}
+
+/// Rows of `rays` on the elements of `geometry` with the totals of pairs towards its [`Geometry::senders`], their visible parts by the rule `partial`.
+pub(crate) fn emitter_rows<'a>(
+    geometry: &'a Geometry<'_>,
+    rays: u32,
+    (tolerance, partial): (f64, PartialVisibility),
+    seed: u64,
+) -> Box<dyn Rows + 'a> {
+    let elements = geometry.elements();
+    let rays = RayCast::new(elements, Receivers::facets(elements), geometry.element_occluders(), rays, seed);
+    Box::new(exact_emitters(geometry, Form::Full, (rays, elements, elements), (tolerance, partial), seed))
+}
+
+fn exact_emitters<'a>(
+    geometry: &'a Geometry<'_>,
+    form: Form,
+    (rays, sources, targets): (RayCast<'a>, &'a Facets, &'a Facets),
+    (tolerance, partial): (f64, PartialVisibility),
+    seed: u64,
+) -> ExactEmitters<RayCast<'a>, PairwiseRows<'a, Analytic<'a>>> {
+    let analytic = analytic(geometry.blockers(), partial);
+    let pairs = PairwiseRows::new(analytic, sources, geometry.senders().0, tolerance, seed);
+    ExactEmitters::new(rays, pairs, senders(geometry, form, targets))
 }
 
 /// What the rows of a form run between: sources and targets.
@@ -95,7 +117,7 @@ pub(crate) fn analytic(blockers: &Occluders, partial: PartialVisibility) -> Anal
 
 /// Error of the form factor from a source to an emitting surface that is asked of pairs, times the rays of a row: those
 /// leave each entry uncertain by 6 over their number, and a light may be a few hundred times as bright as what it lights.
-const EMITTER_ERROR: f64 = 0.01;
+pub(crate) const EMITTER_ERROR: f64 = 0.01;
 
 /// The targets that each surface with exact totals is made of.
 fn senders(geometry: &Geometry<'_>, form: Form, targets: &Facets) -> Vec<Emitter> {

@@ -31,7 +31,8 @@ const PAIRS: (f64, f64) = (1e-6, 1e-4);
 /// Segments of a partly blocked pair among many blockers.
 const SEGMENTS: u32 = 64;
 /// Rays of a row, few and many.
-const RAYS: [u32; 2] = [256, 1024];
+pub(super) const FEW_RAYS: u32 = 256;
+const MANY_RAYS: u32 = 1024;
 /// Unshot share at which solvers stop, in units of the tolerance.
 const UNSHOT: f64 = 0.01;
 /// Error of links, in units of the tolerance; the rest of that is for the difference of two meshes.
@@ -185,6 +186,14 @@ impl Candidate {
     }
 }
 
+/// The estimator of pairs among `blocking` polygons that may block.
+pub(super) fn pairs_among(blocking: usize) -> Method {
+    match Method::analytic_among(blocking) {
+        Method::ANALYTIC => Method::exact(PAIRS.0, PAIRS.1),
+        _ => Method::sampled(PAIRS.0, SEGMENTS),
+    }
+}
+
 /// The candidates for a target among `blocking` polygons that may block, those alone that agree with what is named.
 pub(super) fn candidates(
     target: &Target,
@@ -193,11 +202,8 @@ pub(super) fn candidates(
     named: &Named,
 ) -> Vec<Candidate> {
     let tolerance = target.tolerance;
-    let pairs = match Method::analytic_among(blocking) {
-        Method::ANALYTIC => Method::exact(PAIRS.0, PAIRS.1),
-        _ => Method::sampled(PAIRS.0, SEGMENTS),
-    };
-    let [few, many] = RAYS.map(|rays| Method::RaysAndEmitters { rays });
+    let pairs = pairs_among(blocking);
+    let [few, many] = [FEW_RAYS, MANY_RAYS].map(|rays| Method::RaysAndEmitters { rays });
     let links = Store::Hierarchical { error: LINKS * tolerance, direct: DirectLight::WhereFew };
     let plain = |method| {
         let strategy = Strategy::new(Subdivision::Uniform(2), method);

@@ -15,18 +15,17 @@
 //! with the tolerance; an adaptive run divides its error by a constant a round. Constants are of one machine and two threads; [`Constants::measured_on`] scales them to another.
 //! What is *not* here: counts that do not take time (vectors, the report), and memory traffic of several programs at once.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use radiosity_core::Form;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 
-use super::candidates::{Candidate, Refine, Target};
+use super::candidates::{Candidate, FEW_RAYS, Refine, Target, pairs_among};
 use super::pilot::Pilot;
 use crate::{Geometry, Method, RunError, Size, Store, Strategy, assemble, predict};
-
-/// Rays of a row of the pilot.
-pub(super) const PILOT_RAYS: u32 = 256;
 
 /// Power by which the difference of two uniform meshes falls with the edge.
 const ORDER: f64 = 1.7;
@@ -121,12 +120,11 @@ impl Constants {
     /// [`RunError`] if there is no mesh or a row cannot be had.
     pub fn measured_on(scene: &Scene, seed: u64) -> Result<Self, RunError> {
         let plain = Self::default();
-        let target = Target { tolerance: 0.01, report_grid: 8, most_elements: usize::MAX };
-        let pairs = super::estimator_of_pairs(&target, scene, seed);
-        let pilot = Pilot::new(scene, pairs, seed)?;
+        let pilot = Pilot::new(scene, GRID, seed)?;
+        let pairs = pairs_among(pilot.blocking);
         let elements = Subdivision::Uniform(pilot.cells);
         let geometry = Geometry::new(scene, &MeshSettings { elements, patches: None, contacts: true })?;
-        let model = Model { pilot: &pilot, constants: &plain };
+        let model = Model::new(&pilot, &plain);
         let ratio = |method, store, expected: f64| -> Result<f64, RunError> {
             let clock = Instant::now();
             let mut times = 0.0;
@@ -139,8 +137,8 @@ impl Constants {
         let m = geometry.elements().len() as f64;
         let cells = f64::from(pilot.cells);
         let of_pairs = ratio(pairs, Store::Dense, model.pairs(0.5 * m * m, cells))?;
-        let rays = Method::RaysAndEmitters { rays: PILOT_RAYS };
-        let of_rays = ratio(rays, Store::Sparse, model.rays(m, f64::from(PILOT_RAYS), cells))?;
+        let rays = Method::RaysAndEmitters { rays: FEW_RAYS };
+        let of_rays = ratio(rays, Store::Sparse, model.rays(m, f64::from(FEW_RAYS), cells))?;
         let rest = (of_pairs * of_rays).sqrt();
         Ok(Self {
             element: plain.element * rest,
@@ -160,6 +158,8 @@ impl Constants {
     }
 }
 
+/// Report grid of the pilot that measurements are made on.
+const GRID: u32 = 8;
 /// Seconds that each measurement takes at most, beyond its first run.
 const CALIBRATION: f64 = 0.05;
 
@@ -182,8 +182,22 @@ pub struct Expected {
 
 /// A pilot and constants.
 pub(super) struct Model<'p> {
-    pub(super) pilot: &'p Pilot,
-    pub(super) constants: &'p Constants,
+    pilot: &'p Pilot,
+    constants: &'p Constants,
+    /// Elements of uniform meshes that were asked for, by their number along an edge.
+    meshes: RefCell<BTreeMap<u32, u64>>,
+}
+
+impl<'p> Model<'p> {
+    /// What follows from `pilot` by `constants`.
+    pub(super) fn new(pilot: &'p Pilot, constants: &'p Constants) -> Self {
+        Self { pilot, constants, meshes: RefCell::default() }
+    }
+
+    /// What was found by looking.
+    pub(super) fn pilot(&self) -> &'p Pilot {
+        self.pilot
+    }
 }
 
 impl Model<'_> {
@@ -219,14 +233,19 @@ impl Model<'_> {
 
     /// Elements of a uniform mesh: those of the pilot, which contacts cut, times those of faces.
     fn elements(&self, scene: &Scene, cells: u32) -> Result<f64, RunError> {
-        let size = |k: u32| {
+        let mesh = |k: u32| -> Result<f64, RunError> {
+            if let Some(&known) = self.meshes.borrow().get(&k) {
+                return Ok(known as f64);
+            }
             let elements = Subdivision::Uniform(k);
-            Size::before_meshing(scene, &MeshSettings { elements, patches: None, contacts: true })
+            let size = Size::before_meshing(scene, &MeshSettings { elements, patches: None, contacts: true })?;
+            self.meshes.borrow_mut().insert(k, size.elements);
+            Ok(size.elements as f64)
         };
-        let covered = self.pilot.elements as f64 / size(self.pilot.cells)?.elements as f64;
+        let covered = self.pilot.elements as f64 / mesh(self.pilot.cells)?;
         // What is cut beyond the mesh lies along lines.
         let cut = 1.0 + (covered - 1.0) * if covered > 1.0 { self.finer(f64::from(cells)).recip() } else { 1.0 };
-        Ok(size(cells)?.elements as f64 * cut)
+        Ok(mesh(cells)? * cut)
     }
 
     /// Seconds for `pairs` pairs between elements `cells` along an edge (of sources and targets of different sizes their geometric mean).
@@ -248,8 +267,8 @@ impl Model<'_> {
     /// Seconds for `rows` rows of `rays` rays and of pairs with exact emitters, from elements `cells` along an edge.
     fn rays(&self, rows: f64, rays: f64, cells: f64) -> f64 {
         let (c, u, pilot) = (self.constants, self.finer(cells), self.pilot);
-        let (of_rows, cost) = &pilot.to_emitters;
-        let a_row = |counted: u64| counted as f64 / of_rows.max(1.0);
+        let (drawn, cost) = pilot.to_emitters;
+        let a_row = |counted: u64| (pilot.emitters * counted as usize) as f64 / drawn.max(1) as f64;
         let tested = c.tested.0 + c.tested.1 * pilot.blocking as f64;
         let pairs = if pilot.blocking == 0 {
             pilot.emitters as f64 * c.emitter

@@ -15,10 +15,10 @@ mod pilot;
 
 use std::time::{Duration, Instant};
 
+use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
-use radiosity_geometry::{Occluders, Scene};
 
-use crate::{Bytes, Method, RunError};
+use crate::{Bytes, RunError};
 
 use candidates::candidates;
 pub use candidates::{Candidate, Named, Reached, Refine, Steps, Target};
@@ -177,9 +177,8 @@ impl Choice {
         };
         let target =
             |tolerance| Target { tolerance, report_grid: wanted.report_grid, most_elements: wanted.most_elements };
-        let pairs = estimator_of_pairs(&target(tolerances[0]), scene, wanted.seed);
-        let pilot = Pilot::new(scene, pairs, wanted.seed)?;
-        let model = Model { pilot: &pilot, constants };
+        let pilot = Pilot::new(scene, wanted.report_grid, wanted.seed)?;
+        let model = Model::new(&pilot, constants);
         let rank = |tolerance| rank(scene, &model, &target(tolerance), wanted);
         // The finest that fits; the coarsest tells what is nearest if none does.
         let mut best = (tolerances[0], rank(tolerances[0])?);
@@ -204,16 +203,9 @@ impl Choice {
     }
 }
 
-/// The estimator of pairs that candidates take among the blockers of `scene`.
-fn estimator_of_pairs(target: &Target, scene: &Scene, seed: u64) -> Method {
-    let blocking = Occluders::blocking(scene).len();
-    let found = candidates(target, blocking, (seed, None), &Named::default());
-    found[0].strategy.method
-}
-
 /// All candidates with what is expected of them, the chosen one first; without those of which not even a mesh can be foreseen, if there are others.
 fn rank(scene: &Scene, model: &Model<'_>, target: &Target, wanted: &Wanted) -> Result<Vec<Ranked>, ChoiceError> {
-    let all = candidates(target, model.pilot.blocking, (wanted.seed, wanted.memory), &wanted.named);
+    let all = candidates(target, model.pilot().blocking, (wanted.seed, wanted.memory), &wanted.named);
     let mut ranking = Vec::with_capacity(all.len());
     let mut too_many = None;
     for candidate in all {

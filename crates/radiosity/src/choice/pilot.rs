@@ -13,23 +13,37 @@
 
 use radiosity_core::{BandValues, Cost, Form, StopRule};
 use radiosity_form_factors::Pairwise;
+use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 use radiosity_geometry::{Facets, Scene};
+use rayon::prelude::*;
 
-use super::cost::PILOT_RAYS;
-use crate::estimate::analytic;
-use crate::{Geometry, Method, RunError, Size, Store, assemble, solve_on};
+use super::candidates::{FEW_RAYS, pairs_among};
+use crate::estimate::{EMITTER_ERROR, analytic, emitter_rows, fill, rows};
+use crate::strategy::partial_among;
+use crate::{Geometry, Method, RunError, Size, Store, solve_on};
 
-/// Elements of the pilot, if faces allow.
-const MOST: u64 = 200;
-/// Cells of a face along an edge, at most.
+/// Cells of a face along an edge, at most; half as many for report grids of fewer than twice that.
 const CELLS: u32 = 4;
+/// Elements of the pilot at most: of the most cells, and of two along an edge.
+const MOST: [u64; 2] = [256, 8192];
+/// Rays of a row: what they leave in irradiance is less than what elements of that size do.
+const RAYS: u32 = 64;
+/// Exact emitters beyond which light comes from everywhere and rays meet it often enough.
+const EMITTERS: usize = 8;
+/// Error of pairs with exact emitters, and segments of those that are partly blocked: large ones have more.
+const TO_EMITTERS: (f64, PartialVisibility) =
+    (1e-3, PartialVisibility::Rays { samples: 1, standard_error: f64::INFINITY });
 /// Pairs of elements drawn.
-const PAIRS: usize = 128;
+const PAIRS: usize = 64;
+/// Pairs of an element and an exact emitter drawn.
+const EMITTER_PAIRS: usize = 32;
+/// By what the segments of those are fewer than they will be.
+const FEWER: u32 = 8;
 /// Errors by senders and receivers that are taken for granted on one element a face: that by senders of white faces, it takes two reflections.
 const USUAL: (f64, f64) = (1.3, 0.3);
 /// Error of form factors where nothing blocks.
-const COARSE: f64 = 1e-3;
+const COARSE: f64 = 1e-2;
 /// Unshot share of the solution.
 const UNSHOT: f64 = 1e-4;
 
@@ -60,8 +74,8 @@ pub struct Pilot {
     pub indirect: f64,
     /// Sweeps to an unshot share of 1e-4.
     pub sweeps: u64,
-    /// Rows towards exact emitters, and their counts of pairs, points and segments; not used where nothing blocks.
-    pub to_emitters: (f64, Cost),
+    /// Pairs with exact emitters drawn, and their counts of pairs, points and segments; none where nothing blocks.
+    pub to_emitters: (usize, Cost),
     /// Pairs drawn, and their counts by the pairwise estimator.
     pub drawn: (usize, Cost),
     /// Counts of the pilot.
@@ -69,21 +83,23 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// Solves `scene` coarsely and draws pairs for the estimator of pairs `pairs`.
+    /// Solves `scene` coarsely, for a report grid of `report_grid` cells along an edge, and draws pairs.
     ///
     /// # Errors
     ///
     /// [`RunError`] if there is no mesh or a row cannot be had.
-    pub(super) fn new(scene: &Scene, pairs: Method, seed: u64) -> Result<Self, RunError> {
-        let cells = cells_of(scene)?;
+    pub(super) fn new(scene: &Scene, report_grid: u32, seed: u64) -> Result<Self, RunError> {
+        let cells = cells_of(scene, report_grid)?;
         let patches = Some(Subdivision::Uniform((cells / 2).max(1)));
         let settings = MeshSettings { elements: Subdivision::Uniform(cells), patches, contacts: true };
         let geometry = Geometry::new(scene, &settings)?;
-        let solved = if cells > 1 { solve(&geometry, seed)? } else { Solved::guess(&geometry, seed) };
-        let drawn = draw(&geometry, geometry.elements(), pairs, seed);
+        let solved = if cells > 1 { solve(&geometry, seed)? } else { Solved::guess(&geometry) };
+        let blocking = geometry.blockers().len();
+        let drawn = draw(&geometry, geometry.elements(), (pairs_among(blocking), PAIRS), seed);
+        let to_emitters = draw(&geometry, geometry.senders().0, (to_emitters_among(blocking), EMITTER_PAIRS), seed);
         Ok(Self {
             surfaces: scene.surfaces.len(),
-            blocking: geometry.blockers().len(),
+            blocking,
             closed: geometry.closed(),
             most_reflectance: geometry.reflectance().values().iter().copied().fold(0.0, f64::max),
             emitters: geometry.senders().1.len(),
@@ -91,12 +107,12 @@ impl Pilot {
             cells,
             elements: geometry.elements().len(),
             drawn,
-            cost: solved.cost + drawn.1,
+            cost: solved.cost + drawn.1 + to_emitters.1,
             senders: solved.senders,
             receivers: solved.receivers,
             indirect: solved.indirect,
             sweeps: solved.sweeps,
-            to_emitters: solved.to_emitters,
+            to_emitters,
         })
     }
 }
@@ -107,30 +123,30 @@ struct Solved {
     receivers: f64,
     indirect: f64,
     sweeps: u64,
-    to_emitters: (f64, Cost),
     cost: Cost,
 }
 
 impl Solved {
     /// What is taken for granted of a scene of so many faces that solving it once would cost too much: usual errors, and sweeps by the mean reflectance.
-    fn guess(geometry: &Geometry<'_>, seed: u64) -> Self {
+    fn guess(geometry: &Geometry<'_>) -> Self {
         let rho = mean(&geometry.elements().areas(), &geometry.reflectance(), |rho| rho);
         let sweeps = (UNSHOT.ln() / rho.clamp(0.05, 0.99).ln()).ceil() as u64;
-        let (emitters, _) = geometry.senders();
-        let (pairs, cost) = draw(geometry, emitters, Method::analytic_among(geometry.blockers().len()), seed);
-        let to_emitters = (pairs as f64 / emitters.len().max(1) as f64, cost);
-        Self { senders: USUAL.0 * rho * rho, receivers: USUAL.1, indirect: rho, sweeps, to_emitters, cost }
+        Self { senders: USUAL.0 * rho * rho, receivers: USUAL.1, indirect: rho, sweeps, cost: Cost::default() }
     }
 }
 
 /// Solves on the elements of a pilot.
 fn solve(geometry: &Geometry<'_>, seed: u64) -> Result<Solved, RunError> {
-    let free = geometry.blockers().is_empty();
-    let rays = Method::RaysAndEmitters { rays: PILOT_RAYS };
-    let (method, kind) = if free { (Method::sampled(COARSE, 1), Store::Dense) } else { (rays, Store::Sparse) };
-    let (store, filling) = assemble(geometry, method, Form::Full, kind, seed)?;
-    let rule = StopRule::unshot(UNSHOT);
-    let solution = solve_on(geometry, &*store, Form::Full, "gauss-seidel", &rule, &mut ())?;
+    let (rows, kind) = if geometry.blockers().is_empty() {
+        (rows(geometry, Method::sampled(COARSE, 1), Form::Full, seed)?, Store::Dense)
+    } else if geometry.senders().1.len() <= EMITTERS {
+        (emitter_rows(geometry, RAYS, TO_EMITTERS, seed), Store::Sparse)
+    } else {
+        (rows(geometry, Method::rays(RAYS), Form::Full, seed)?, Store::Sparse)
+    };
+    let (filled, filling) = fill(rows, kind, None)?;
+    let (store, rule) = (filled.store(), StopRule::unshot(UNSHOT));
+    let solution = solve_on(geometry, store, Form::Full, "gauss-seidel", &rule, &mut ())?;
 
     let areas = geometry.elements().areas();
     let (b, h) = (&solution.radiosity, &solution.irradiance);
@@ -143,31 +159,25 @@ fn solve(geometry: &Geometry<'_>, seed: u64) -> Result<Solved, RunError> {
     let rms = |of: &BandValues| if level > 0.0 { mean(&areas, of, |x| x * x).sqrt() / level } else { 0.0 };
     let emitted = mean(&areas, &geometry.emission(), |e| e);
     let reflected = if emitted > 0.0 { mean(&areas, b, |b| b) / emitted } else { 1.0 };
-    let mut to_emitters = (areas.len() as f64, filling.cost);
-    let cast = if free { 0 } else { areas.len() as u64 * u64::from(PILOT_RAYS) };
-    to_emitters.1.rays = to_emitters.1.rays.saturating_sub(cast);
     Ok(Solved {
         senders: reflected * rms(&lost),
         receivers: rms(&apart(geometry, &areas, h)),
         indirect: 1.0 - reflected.max(1.0).recip(),
         sweeps: solution.steps,
-        to_emitters,
-        cost: filling.cost + solution.cost + reading,
+        cost: filling + solution.cost + reading,
     })
 }
 
-/// Cells along an edge: as many as the number of elements allows.
-fn cells_of(scene: &Scene) -> Result<u32, RunError> {
-    let mut cells = CELLS;
-    while cells > 1 {
+/// Cells along an edge: as many as the report grid and the number of elements allow.
+fn cells_of(scene: &Scene, report_grid: u32) -> Result<u32, RunError> {
+    let few = |(cells, most): (u32, u64)| -> Result<Option<u32>, RunError> {
         let elements = Subdivision::Uniform(cells);
         let size = Size::before_meshing(scene, &MeshSettings { elements, patches: None, contacts: true })?;
-        if size.elements <= MOST {
-            break;
-        }
-        cells /= 2;
-    }
-    Ok(cells)
+        Ok((size.elements <= most).then_some(cells))
+    };
+    let coarse = few((2, MOST[1]))?;
+    let fine = if coarse.is_some() && report_grid >= 2 * CELLS { few((CELLS, MOST[0]))? } else { None };
+    Ok(fine.or(coarse).unwrap_or(1))
 }
 
 /// Values less their area means over the patches.
@@ -190,22 +200,38 @@ fn mean(areas: &[f64], of: &BandValues, f: impl Fn(f64) -> f64) -> f64 {
     sum / (total * of.count() as f64)
 }
 
-/// Counts of pairs of an element and a target drawn at even steps from all of them.
-fn draw(geometry: &Geometry<'_>, targets: &Facets, pairs: Method, seed: u64) -> (usize, Cost) {
+/// The estimator of the pairs with exact emitters in rows of rays.
+fn to_emitters_among(blocking: usize) -> Method {
+    let tolerance = EMITTER_ERROR / f64::from(FEW_RAYS);
+    Method::Analytic { tolerance, partial: partial_among(blocking, tolerance) }
+}
+
+/// Counts of `most` pairs of an element and a target drawn at even steps from all of them, as `pairs` will have them.
+fn draw(geometry: &Geometry<'_>, targets: &Facets, (pairs, most): (Method, usize), seed: u64) -> (usize, Cost) {
     let Method::Analytic { tolerance, partial } = pairs else { return (0, Cost::default()) };
     let (elements, m) = (geometry.elements(), geometry.elements().len());
     if geometry.blockers().is_empty() || m == 0 || targets.is_empty() {
         return (0, Cost::default());
     }
+    // How many segments a pair takes is known without testing all of them.
+    let (partial, fewer) = match partial {
+        PartialVisibility::Rays { samples, standard_error } => {
+            let fewer = samples.min(FEWER);
+            (PartialVisibility::Rays { samples: samples / fewer, standard_error }, fewer)
+        }
+        exact @ PartialVisibility::Exact { .. } => (exact, 1),
+    };
     let analytic = analytic(geometry.blockers(), partial);
     // Steps of the golden section meet sources and targets evenly.
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let cost = (0..PAIRS).map(|k| {
-        let at = (k as f64 + 0.5) / PAIRS as f64;
+    let counts = (0..most).into_par_iter().map(|k| {
+        let at = (k as f64 + 0.5) / most as f64;
         let s = (at * m as f64) as usize;
         let t = ((k as f64 * golden).fract() * targets.len() as f64) as usize;
         let exchange = |j| analytic.exchange(&elements.polygons(s)[0], j, tolerance, seed ^ k as u64).cost;
         targets.polygons(t).iter().map(exchange).sum::<Cost>()
     });
-    (PAIRS, cost.sum())
+    let mut cost: Cost = counts.sum();
+    cost.rays *= u64::from(fewer);
+    (most, cost)
 }
