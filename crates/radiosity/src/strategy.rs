@@ -5,6 +5,7 @@ use radiosity_form_factors::analytic::PartialVisibility;
 #[cfg(doc)]
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_render::Camera;
 use radiosity_solvers::STOCHASTIC;
 
 use crate::plan::Omissions;
@@ -238,6 +239,9 @@ pub struct Strategy {
     pub omit: Omissions,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.
     pub asked: Option<Vec<u32>>,
+    /// Camera whose picture alone is asked for, of the surfaces asked for if they are named as well: errors count by what its pixels show of them
+    /// ([`crate::bounded`]).
+    pub view: Option<Camera>,
     /// rms error of irradiance, relative to its level, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the full shape and a
     /// store that holds them, and nothing elsewhere.
     pub thin: Option<f64>,
@@ -266,6 +270,7 @@ impl Strategy {
             memory: None,
             omit: Omissions::NONE,
             asked: None,
+            view: None,
             thin: None,
             bounces: None,
         }

@@ -30,7 +30,7 @@ use radiosity_core::{BandValues, Cost, Direction, Outcome, StopRule, System, sol
 use radiosity_form_factors::stores::{GivenBack, ThinnedFormFactors};
 use radiosity_form_factors::{Rows, ThinnedRows, Thinning};
 
-use crate::bounded::{Bounded, By, FORM_FACTORS, Missed, largest, norm};
+use crate::bounded::{Bounded, By, FORM_FACTORS, Missed, Norms, largest};
 use crate::estimate::Filled;
 use crate::plan::{Plan, Role};
 use crate::run::{Known, allowed, fill_checked, named};
@@ -187,7 +187,7 @@ pub(crate) fn missed(
     let omission = Bounded { measured: Some(pairs), ..omission(pairs, most(&|thinned| thinned.prior)) };
     let mut g = BandValues::zeros(system.bands(), areas.len());
     thinned.iter().for_each(|thinned| thinned.missing(areas, b, &mut g));
-    let (sigma, mut cost) = norm(system)?;
+    let Norms { sigma, mut cost, .. } = Norms::new(system)?;
     let (delta, rho_max) =
         (most(&|thinned| thinned.thinning.share()), rho.values().iter().copied().fold(0.0, f64::max));
     let left = 1.0 - rho_max * (sigma + delta);
@@ -214,5 +214,5 @@ pub(crate) fn missed(
         let s = delta * h.iter().zip(rho).map(|(h, rho)| rho * h).fold(0.0, f64::max) / left;
         h.iter_mut().for_each(|h| *h += s);
     }
-    Ok((Some(Missed { omission, by: Some(By { values, pointwise: true }) }), cost))
+    Ok((Some(Missed { omission, by: Some(By::pointwise(values)) }), cost))
 }
