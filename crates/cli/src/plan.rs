@@ -1,20 +1,39 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
 use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
-use radiosity::{Bounded, Run, Store};
+use radiosity::{Bounded, Run, Store, surfaces_in_view};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
 use crate::Failure;
 use crate::args::PlanArgs;
+use crate::viewpoint::Viewpoint;
 
 /// What may be left out.
 pub fn omissions(args: &PlanArgs) -> Omissions {
     if args.keep_everything { Omissions::NONE } else { Omissions::ALL }
 }
 
-/// Indices of the faces asked for, ascending; `None` if all are.
+/// The camera whose picture is asked for, if one is.
+pub fn view(args: &PlanArgs, scene: &Scene) -> Result<Option<Viewpoint>, Failure> {
+    args.ask_view.then(|| Viewpoint::new(&args.view, scene)).transpose()
+}
+
+/// Indices of the faces asked for, ascending: those named, those in view, or those that are both; `None` if all are.
 pub fn asked(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure> {
+    let named = named(args, scene)?;
+    let Some(view) = view(args, scene)? else { return Ok(named) };
+    let mut seen = surfaces_in_view(scene, &view.camera);
+    seen.retain(|s| named.as_ref().is_none_or(|named| named.binary_search(s).is_ok()));
+    if seen.is_empty() {
+        let what = if named.is_some() { "none of the faces of --ask" } else { "no face" };
+        return Err(format!("--ask-view: the camera shows the front of {what}; choose another --eye or --look-at").into());
+    }
+    Ok(Some(seen))
+}
+
+/// Indices of the faces that --ask names.
+fn named(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure> {
     if args.ask.is_empty() {
         return Ok(None);
     }

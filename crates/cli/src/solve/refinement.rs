@@ -58,7 +58,9 @@ pub(super) fn to_tolerance<'a>(
         let done = run_to_tolerance(scene, strategy, tolerance, report_grid, MOST_ELEMENTS)?;
         return Ok((done.run, Way::Refined(Refinement::Uniform(done.steps, done.met))));
     }
-    let mut adaptive = Adaptive { most_elements: MOST_ELEMENTS, ..Adaptive::new(Goal::Cells(report_grid), tolerance) };
+    // A picture shows points.
+    let goal = if strategy.view.is_some() { Goal::Points } else { Goal::Cells(report_grid) };
+    let mut adaptive = Adaptive { most_elements: MOST_ELEMENTS, ..Adaptive::new(goal, tolerance) };
     if let Some(cells) = args.mesh.patch_subdivide {
         adaptive = adaptive.from_cells(cells);
     }
