@@ -404,8 +404,9 @@ pub struct SolveArgs {
     /// Estimated rms error of irradiance that the links of the hierarchical store may cause, as a share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit)]
     pub link_error: Option<f64>,
-    /// Drop pairs too small to matter: rms error of irradiance that this may cause, as a share of its level, bounded before and, more sharply,
-    /// after the solution; of the analytic method in the full form. A tenth of --tolerance where that refines the full form.
+    /// Drop pairs too small to matter: rms error of irradiance that this may cause, as a share of its mean level. Which they are is found by a coarse solution, and the
+    /// bound from the answer is kept below this, if need be by dropping fewer; of the analytic method in the full form. A tenth of --tolerance where that refines the
+    /// full form.
     #[arg(long, value_name = "T", value_parser = open_unit, conflicts_with_all = ["form_factors", "after", "repair"])]
     pub thin_error: Option<f64>,
     /// Stop the solver when bounces of light that are left change irradiance by at most this share of its level; a tenth of --tolerance

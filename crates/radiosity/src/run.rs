@@ -118,6 +118,14 @@ pub enum RunError {
     /// Rows that count arrivals by way of specular surfaces do not sum to 1.
     #[error("form factors with specular bounces are not repaired: their rows need not sum to 1; leave out the repair")]
     RepairExtended,
+    /// Pairs that are not dropped one by one.
+    #[error("small pairs are left out of form factors of the analytic method in the full form that are held and used once; these are {what}: {instead}")]
+    Thin {
+        /// What stands in the way.
+        what: &'static str,
+        /// What to do.
+        instead: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -300,7 +308,9 @@ pub fn run_planned<'a>(
 ) -> Result<Run<'a>, RunError> {
     strategy.check()?;
     if plan.omits() {
-        return follow(plan, geometry, meshing, strategy, observer);
+        return thin::held(strategy, geometry, |strategy, geometry| {
+            follow(plan, geometry, meshing, strategy, observer)
+        });
     }
     run_meshed(geometry, meshing, strategy, observer)
 }
@@ -321,11 +331,13 @@ pub fn run_meshed<'a>(
         let made = solve_by_links(&geometry, strategy, (error, direct), observer)?;
         return Ok(made.run(geometry, meshing));
     }
-    let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
-    let (store, known) = fill_thinned(&geometry, rows, unblocked(strategy.method), strategy)?;
-    let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
-    drop(store);
-    Ok(made.run(geometry, meshing))
+    thin::held(strategy, geometry, |strategy, geometry| {
+        let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
+        let (store, known) = fill_thinned(&geometry, rows, unblocked(strategy.method), strategy)?;
+        let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
+        drop(store);
+        Ok(made.run(geometry, meshing))
+    })
 }
 
 /// Forecasts a run of `strategy` without making it: computes its form factors, with nothing left out, and solves nothing. At least one product is spent; the phase is

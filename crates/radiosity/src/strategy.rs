@@ -242,8 +242,8 @@ pub struct Strategy {
     /// Camera whose picture alone is asked for, of the surfaces asked for if they are named as well: errors count by what its pixels show of them
     /// ([`crate::bounded`]).
     pub view: Option<Camera>,
-    /// rms error of irradiance, relative to its level, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the full shape and a
-    /// store that holds them, and nothing elsewhere.
+    /// rms error of irradiance, relative to its mean level over what is asked for, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the
+    /// full shape and a store that holds them, and nothing elsewhere ([`Strategy::check_thinning`]).
     pub thin: Option<f64>,
     /// rms error of irradiance, relative to its level, that bounces which are not followed may cause; the solver stops by it or by
     /// `unshot`, whichever is first.

@@ -60,6 +60,9 @@ pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdi
     let reason = choice.map(|choice| choice.reason);
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     strategy.check()?;
+    if args.thin_error.is_some() && !args.plan.keep_everything {
+        strategy.check_thinning()?;
+    }
     if args.common.dry_run {
         let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
         // Refinement makes meshes of its own.
