@@ -27,7 +27,9 @@ pub fn asked(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure
     seen.retain(|s| named.as_ref().is_none_or(|named| named.binary_search(s).is_ok()));
     if seen.is_empty() {
         let what = if named.is_some() { "none of the faces of --ask" } else { "no face" };
-        return Err(format!("--ask-view: the camera shows the front of {what}; choose another --eye or --look-at").into());
+        return Err(
+            format!("--ask-view: the camera shows the front of {what}; choose another --eye or --look-at").into()
+        );
     }
     Ok(Some(seen))
 }

@@ -207,10 +207,12 @@ fn a_view_is_refined_for_what_its_pixels_show() {
     let folder = Folder::new("plan_view");
     with_scene(&folder, &two_rooms([true, true]));
     let corner = "--eye 0.4,0.5,1.6 --look-at 2,3.5,0 --up 0,0,1 --fov 50 --size 60x40";
-    let view = object(&folder, &format!("solve scene.obj --subdivide 6 --ask-view {corner} --bounce-error 0.01 --json"));
+    let view =
+        object(&folder, &format!("solve scene.obj --subdivide 6 --ask-view {corner} --bounce-error 0.01 --json"));
     assert_eq!(view["view"]["fov"], 50.0);
     assert!(view["left_out_error"].as_f64().unwrap() <= 0.01);
-    let refine = format!("solve scene.obj --method analytic --tolerance 0.05 --ask-view {corner} --json --output view.csv");
+    let refine =
+        format!("solve scene.obj --method analytic --tolerance 0.05 --ask-view {corner} --json --output view.csv");
     let refined = object(&folder, &refine);
     assert_eq!(refined["refinement"]["met"], true);
     let left = refined["left_out"].as_array().unwrap();

@@ -96,7 +96,11 @@ impl Thinning {
     /// If there is not of every facet whether it keeps its pairs, a weight and a budget, all of them finite and not negative.
     pub fn weighted(facets: &Facets, kept: &[bool], sent: Vec<f64>, budgets: &[f64]) -> Self {
         let m = facets.len();
-        assert_eq!((kept.len(), sent.len(), budgets.len()), (m, m, m), "whether it keeps its pairs, a weight and a budget of every facet");
+        assert_eq!(
+            (kept.len(), sent.len(), budgets.len()),
+            (m, m, m),
+            "whether it keeps its pairs, a weight and a budget of every facet"
+        );
         assert!(sent.iter().chain(budgets).all(|x| x.is_finite() && *x >= 0.0), "weights and budgets are not negative");
         let places = Places::new(facets, kept);
         let (limits, spent, level) = (vec![0.0; m], vec![0.0; m], Level::best());
@@ -311,8 +315,7 @@ impl Levels {
             largest = largest.min(level * lost + (above[1] - level * above[0]).max(0.0));
             least = least.max(level * lost - (level * below[0] - below[1]).max(0.0));
             if let Some(sum) = sums.get(k) {
-                (above, below) =
-                    ([above[0] - sum[0], above[1] - sum[1]], [below[0] + sum[0], below[1] + sum[1]]);
+                (above, below) = ([above[0] - sum[0], above[1] - sum[1]], [below[0] + sum[0], below[1] + sum[1]]);
             }
         }
         [if exactly { least } else { 0.0 }, largest]

@@ -14,7 +14,9 @@
 //! estimate is what was asked for, and the solver goes on from the first answer. The threshold falls in small steps: what is refined beyond
 //! need cannot be taken back, and a step costs no more than a look at every link and the links it makes.
 //!
-//! Where only some surfaces are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
+//! No link is dropped: what is too weak to be refined is carried by the link of larger nodes, so that nothing has to be given back, and its error is part of the estimate.
+//!
+//! Where only some surfaces or a view are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
 //! solved for on the coarse links; the error is that of their irradiance, relative to its mean.
 
 use std::sync::Arc;
@@ -293,7 +295,8 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
 /// are means over that.
 fn worth(y: Vec<f64>, w: &[f64], areas: &[f64], counted: &[f64]) -> Vec<f64> {
     let (asked, total) = (counted.iter().sum::<f64>(), areas.iter().sum::<f64>());
-    let y: Vec<f64> = y.into_iter().zip(w).map(|(y, w)| if *w == 1.0 { y } else { w.sqrt() + (y - w).max(0.0) }).collect();
+    let y: Vec<f64> =
+        y.into_iter().zip(w).map(|(y, w)| if *w == 1.0 { y } else { w.sqrt() + (y - w).max(0.0) }).collect();
     let mean = y.iter().zip(counted).map(|(y, area)| y * area).sum::<f64>() / asked;
     y.into_iter().map(|y| (y / mean).powi(2) * total / asked).collect()
 }

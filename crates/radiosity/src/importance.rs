@@ -26,8 +26,8 @@
 
 use radiosity_core::{BandValues, Direction, Solution, StopRule, System, solve_from};
 
-use crate::run::named;
 use crate::RunError;
+use crate::run::named;
 
 /// Importances of the elements of a system.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +78,11 @@ impl Importance {
         solver: &str,
         stop: &StopRule,
     ) -> Result<(Self, Solution), RunError> {
-        assert_eq!((lamps.len(), lamps.count()), (system.elements(), system.bands()), "a weight of every element and band");
+        assert_eq!(
+            (lamps.len(), lamps.count()),
+            (system.elements(), system.bands()),
+            "a weight of every element and band"
+        );
         let (areas, rho) = (system.areas(), system.reflectance());
         let adjoint = match system.parent() {
             None => System::full(system.store(), areas, lamps.view(), rho)?,

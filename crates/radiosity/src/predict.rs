@@ -155,7 +155,10 @@ pub fn predict(size: &Size, strategy: &Strategy) -> Prediction {
         },
         stored_bytes,
         mesh_bytes,
-        peak_bytes: peak_bytes.into_iter().fold(stored_bytes, u64::saturating_add).max(mesh_bytes + before_filling(size, strategy)),
+        peak_bytes: peak_bytes
+            .into_iter()
+            .fold(stored_bytes, u64::saturating_add)
+            .max(mesh_bytes + before_filling(size, strategy)),
     }
 }
 

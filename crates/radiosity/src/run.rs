@@ -119,7 +119,9 @@ pub enum RunError {
     #[error("form factors with specular bounces are not repaired: their rows need not sum to 1; leave out the repair")]
     RepairExtended,
     /// Pairs that are not dropped one by one.
-    #[error("small pairs are left out of form factors of the analytic method in the full form that are held and used once; these are {what}: {instead}")]
+    #[error(
+        "small pairs are left out of form factors of the analytic method in the full form that are held and used once; these are {what}: {instead}"
+    )]
     Thin {
         /// What stands in the way.
         what: &'static str,

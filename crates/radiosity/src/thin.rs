@@ -52,7 +52,7 @@ pub(crate) const PILOT_RAYS: u32 = 64;
 const PILOT_UNSHOT: f64 = 1e-3;
 const PILOT_SOLVER: &str = "gauss-seidel";
 /// Part of the error asked for that the estimate aims at, and that it aims at of the first bound where that was too large.
-const AIM: f64 = 0.85;
+const AIM: f64 = 0.8;
 const AGAIN: f64 = 0.7;
 /// First budget of a row, in units of the error asked for.
 const FIRST: f64 = 2.0;
@@ -102,8 +102,12 @@ impl Strategy {
         let (what, instead) = match self.method {
             _ if self.shape != Shape::Full => ("between elements and patches", "leave out the patches"),
             Method::Analytic { .. } if self.repair => ("repaired", "leave out the repair"),
-            Method::Analytic { .. } if !held => ("not held pair by pair", "choose the store dense, sparse or a packed one"),
-            Method::Analytic { .. } if self.samples() => ("drawn from", "choose another solver than the stochastic one"),
+            Method::Analytic { .. } if !held => {
+                ("not held pair by pair", "choose the store dense, sparse or a packed one")
+            }
+            Method::Analytic { .. } if self.samples() => {
+                ("drawn from", "choose another solver than the stochastic one")
+            }
             Method::Analytic { .. } => return Ok(()),
             _ => ("whole rows", "choose the analytic method"),
         };
@@ -132,8 +136,7 @@ struct Pilot {
 impl Pilot {
     fn new(geometry: &Geometry<'_>, strategy: &Strategy) -> Result<Self, RunError> {
         let rays = Method::RaysAndEmitters { rays: PILOT_RAYS };
-        let (store, mut cost) =
-            SparseFormFactors::assemble(&*crate::rows(geometry, rays, Form::Full, strategy.seed)?)?;
+        let (store, mut cost) = SparseFormFactors::assemble(&*crate::rows(geometry, rays, Form::Full, strategy.seed)?)?;
         let (areas, e, rho) = (geometry.elements().areas(), geometry.emission(), geometry.reflectance());
         let system = System::full(&store, &areas, e.view(), rho.view())?;
         let stop = StopRule::unshot(PILOT_UNSHOT).unverified();
@@ -159,7 +162,8 @@ impl Pilot {
         for b in 0..self.b.count() {
             let own = || areas.iter().zip(self.b.band(b)).zip(emits).filter(|(_, emits)| !**emits);
             let area: f64 = own().map(|((area, _), _)| area).sum();
-            let mean = if closed && area > 0.0 { own().map(|((area, b), _)| area * b).sum::<f64>() / area } else { 0.0 };
+            let mean =
+                if closed && area > 0.0 { own().map(|((area, b), _)| area * b).sum::<f64>() / area } else { 0.0 };
             squares.iter_mut().zip(self.b.band(b)).for_each(|(square, b)| *square += (b - mean).powi(2));
         }
         squares.into_iter().map(f64::sqrt).collect()
@@ -330,7 +334,11 @@ fn bound(
     // Rows of an open scene may have lost what they did not get back.
     for thinned in thinned {
         let ends = thinned.lost.iter().zip(thinned.given.areas());
-        thinned.elements.iter().zip(ends).for_each(|(&e, (lost, given))| sums[e as usize] += (lost - given) / areas[e as usize]);
+        thinned
+            .elements
+            .iter()
+            .zip(ends)
+            .for_each(|(&e, (lost, given))| sums[e as usize] += (lost - given) / areas[e as usize]);
     }
     let longest = sums.iter().copied().fold(0.0, f64::max);
     let rho_max = largest(&rho.to_owned());
@@ -369,7 +377,9 @@ fn bound(
             let most = g.band(b).iter().copied().fold(0.0, f64::max) * rho / (1.0 - rho * longest);
             left.band_mut(b).iter_mut().zip(&sums).for_each(|(left, sum)| *left += sum * most);
         }
-        let square = |x: &BandValues| -> f64 { (0..bands).map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x * x).sum::<f64>()).sum() };
+        let square = |x: &BandValues| -> f64 {
+            (0..bands).map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x * x).sum::<f64>()).sum()
+        };
         if solution == SOLUTIONS || square(&left) <= LEFT_OVER * LEFT_OVER * square(&all) {
             all.values_mut().iter_mut().zip(left.values()).for_each(|(all, left)| *all += left);
             return Ok((Some(By::pointwise(all)), cost));

@@ -66,9 +66,7 @@ fn the_mean_of_a_picture_is_what_its_importance_makes_of_the_emission() {
 #[test]
 fn bounds_are_of_the_picture_where_a_view_is_asked_for() {
     let far = Camera::new(DVec3::new(1.0, 0.1, 1.5), DVec3::new(2.9, 3.9, 0.1), DVec3::Z, 8.0, 30, 30).unwrap();
-    for (scene, camera, k) in
-        [(one_room(), down(), 8), (black_floor(), far, 6), (common::cornell_box(), close(), 5)]
-    {
+    for (scene, camera, k) in [(one_room(), down(), 8), (black_floor(), far, 6), (common::cornell_box(), close(), 5)] {
         let whole = run(&scene, &strategy(k), &mut ()).unwrap();
         for (thin, bounces) in [(Some(0.1), None), (Some(0.02), None), (None, Some(0.1)), (None, Some(0.01))] {
             let view = Some(camera.clone());
@@ -97,9 +95,7 @@ fn a_room_that_is_not_seen_is_hardly_refined() {
         let [all, some] = [all, some].map(|strategy| run_adaptive(&scene, &strategy, &settings).unwrap());
         let [whole, own] = [&all, &some].map(|run| seen(&run.run, &camera).error(&truth).rms);
         let [many, few] = [&all, &some].map(|run| run.run.form_factors.cost.form_factors);
-        let elements = |room: bool| {
-            some.run.geometry.surfaces().iter().filter(|s| (**s < 6) == room).count()
-        };
+        let elements = |room: bool| some.run.geometry.surfaces().iter().filter(|s| (**s < 6) == room).count();
         let estimate = some.rounds.last().unwrap().estimate;
         println!(
             "{tolerance}: {few} of {many} form factors, error {own:.2e} (estimate {:.2e}), {whole:.2e} of the whole; {} and {} elements",
@@ -166,7 +162,8 @@ fn a_tolerance_of_a_view_is_of_its_pixels() {
     let (scene, camera) = (one_room(), down());
     let asked = Strategy { view: Some(camera.clone()), unshot: 1e-8, ..strategy(1) };
     let done = run_to_tolerance(&scene, &asked, 0.1, 4, 2_000).unwrap();
-    let before = run(&scene, &Strategy { unshot: 1e-8, ..strategy(done.steps.last().unwrap().subdivision / 2) }, &mut ());
+    let before =
+        run(&scene, &Strategy { unshot: 1e-8, ..strategy(done.steps.last().unwrap().subdivision / 2) }, &mut ());
     let apart = seen(&before.unwrap(), &camera).error(&seen(&done.run, &camera)).rms;
     let difference = done.steps.last().unwrap().difference.as_ref().unwrap().rms;
     assert!(done.met && (apart / difference - 1.0).abs() < 1e-6, "{apart} and {difference}");

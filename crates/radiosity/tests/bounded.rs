@@ -94,17 +94,6 @@ fn half_of_the_pairs_of_a_furnished_room_may_go_for_five_percent() {
     assert!(elements <= bound && cells <= bound);
 }
 
-/// The same elements and error: what one wall needs is fewer pairs than what all do, and the bound is of that wall.
-#[test]
-fn more_pairs_go_where_only_a_wall_is_asked_for() {
-    let scene = common::cornell_box();
-    let plain = Strategy { thin: Some(0.1), ..strategy(6) };
-    let some = Strategy { asked: Some(vec![2]), ..plain.clone() };
-    let [all, some] = [plain, some].map(|strategy| run(&scene, &strategy, &mut ()).unwrap());
-    println!("{:?} and {:?}", only(&all).measured, only(&some).measured);
-    assert!(only(&some).measured > only(&all).measured && only(&some).bound.unwrap() <= 0.1);
-}
-
 /// What nobody can drop pairs of is refused with what to do instead; a run goes on without.
 #[test]
 fn strategies_that_drop_no_pairs_say_why() {

@@ -11,8 +11,8 @@ use radiosity_form_factors::{Numbers, PairwiseRows, Rows, SelectedRows};
 use radiosity_geometry::Facets;
 
 use super::{Band, BandPlan, Plan, Role};
-use crate::estimate::{analytic, ends};
 use crate::bounded::By;
+use crate::estimate::{analytic, ends};
 use crate::hierarchical::solve_by_links;
 use crate::run::{Check, Known, Made, solve_stored, unblocked};
 use crate::thin::fill_thinned;
