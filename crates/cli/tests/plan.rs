@@ -171,6 +171,14 @@ fn pairs_and_bounces_within_an_error_are_left_out_with_their_bounds() {
     assert!((square / (3.0 * area)).sqrt() / mean <= sum);
     let kept = object(&folder, &format!("{solve} kept.csv --thin-error 0.1 --bounce-error 0.01 --keep-everything"));
     assert!(errors(&kept).is_empty() && kept["left_out_error"] == 0.0);
+    for (more, instead) in [
+        ("--method ray-cast", "analytic"),
+        ("--patch-subdivide 2", "leave out the patches"),
+        ("--store on-demand", "packed"),
+    ] {
+        let refused = folder.run(&format!("solve scene.obj --subdivide 4 --thin-error 0.1 {more}"));
+        assert!(refused.code == 2 && refused.stderr.contains(instead), "{more}: {}", refused.stderr);
+    }
     let text = folder.run("solve scene.obj --subdivide 4 --thin-error 0.3 --bounce-error 0.01").stdout;
     assert!(text.contains("too small to matter") && text.contains("bounces beyond") && text.contains("at most"));
 }

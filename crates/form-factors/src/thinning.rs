@@ -403,8 +403,6 @@ impl Rows for ThinnedRows<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     /// Below the limit lie 0.25 + 0.25 + 0.4375 = 0.9375 of a budget of 2; the bin of 0.5 would take it past.
     #[test]
     fn the_limit_of_a_row_takes_what_fits_its_budget() {

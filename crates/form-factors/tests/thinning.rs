@@ -75,9 +75,9 @@ fn what_dropped_pairs_carried_lies_within_its_bounds() {
         assert_eq!(thinning.of_dropped(&whole).unwrap(), lost);
         let [exactly, at_most] = [true, false].map(|exactly| thinning.carried(x.view(), &lost, exactly));
         let mut inside = 0;
-        for s in 0..m {
+        for (s, budget) in budgets.iter().enumerate() {
             let spent: f64 = (0..m).map(|t| dropped(s, t) * weights[t]).sum();
-            assert!(spent <= budgets[s] * facets.area(s), "row {s}");
+            assert!(spent <= budget * facets.area(s), "row {s}");
             for band in 0..2 {
                 let carried: f64 = (0..m).map(|t| dropped(s, t) * x.band(band)[t]).sum();
                 let [low, high] = [0, 1].map(|end| exactly[end].band(band)[s]);

@@ -20,7 +20,7 @@
 //!
 //! one more solution, and another one of r⁺(ρh)₊ in place of g where that is not small; what is left then is at most its largest value q times 1 + f_e ρ_max/(1 −
 //! ρ_max max f), with f the sums of rows of F, 1 in a closed scene. If the bound is more than was asked for, all is done again with less dropped, and in the end with nothing.
-//! It holds for
+//! What pilot and bound take counts as verification. The bound holds for
 //! the rows that the estimator would have given: what computed entries err by is not in it, nor what their rows' sums miss without any omission.
 //! Tests see it above the difference from
 //! the run without omissions, and below what was asked for.
@@ -83,7 +83,7 @@ pub(crate) struct Thinned {
     /// Their numbers in the system.
     elements: Vec<u32>,
     /// What finding what to drop took.
-    pub(crate) pilot: Cost,
+    pilot: Cost,
 }
 
 impl Strategy {
@@ -170,7 +170,7 @@ impl Pilot {
     }
 
     /// The bound as it would be if the pilot were the answer.
-    fn estimate(&self, system: &System<'_>, thinning: Thinning, closed: bool) -> Result<f64, RunError> {
+    fn estimate(&self, system: &System<'_>, thinning: Thinning, closed: bool) -> Result<(f64, Cost), RunError> {
         let mut lost = thinning.of_dropped(&self.store)?;
         for (e, (lost, spent)) in lost.iter_mut().zip(thinning.spent()).enumerate() {
             // What else a row of an open scene misses may have been lost as well.
@@ -182,8 +182,8 @@ impl Pilot {
         let elements = (0..lost.len() as u32).collect();
         let thinned = Thinned { thinning, lost, given, closed, elements, pilot: Cost::default() };
         let stop = StopRule::unshot(PILOT_UNSHOT).unverified();
-        let (by, _) = bound(system, &[thinned], &self.b, (PILOT_SOLVER, &stop))?;
-        Ok(by.map_or(f64::INFINITY, |by| relative(&by, &self.h, system.areas(), &self.asked)))
+        let (by, cost) = bound(system, &[thinned], &self.b, (PILOT_SOLVER, &stop))?;
+        Ok((by.map_or(f64::INFINITY, |by| relative(&by, &self.h, system.areas(), &self.asked)), cost))
     }
 }
 
@@ -199,12 +199,14 @@ fn thinning(geometry: &Geometry<'_>, strategy: &Strategy, error: f64) -> Result<
         let budgets: Vec<f64> = pilot.worth.iter().map(|worth| budget / worth).collect();
         Thinning::weighted(geometry.elements(), &emits, sent.clone(), &budgets)
     };
-    let aim = AIM * error;
+    let (aim, mut cost) = (AIM * error, pilot.cost);
     let (mut budget, mut order) = (FIRST * error * level, ORDER.0);
-    let (mut best, mut before): (Option<(f64, Thinning)>, Option<(f64, f64)>) = (None, None);
+    let mut best: Option<(f64, Thinning)> = None;
+    let mut before: Option<(f64, f64)> = None;
     for _ in 0..ESTIMATES {
         let thinning = of(budget);
-        let estimate = pilot.estimate(&system, thinning.clone(), closed)?;
+        let (estimate, spent) = pilot.estimate(&system, thinning.clone(), closed)?;
+        cost += spent;
         if estimate <= aim && best.as_ref().is_none_or(|(best, _)| *best < budget) {
             best = Some((budget, thinning));
         }
@@ -218,7 +220,7 @@ fn thinning(geometry: &Geometry<'_>, strategy: &Strategy, error: f64) -> Result<
         }
         budget *= (0.5 * (1.0 + NEAR) * aim / estimate).powf(1.0 / order).clamp(1.0 / CHANGE, CHANGE);
     }
-    Ok((best.map_or_else(|| of(0.0), |(_, thinning)| thinning), pilot.cost))
+    Ok((best.map_or_else(|| of(0.0), |(_, thinning)| thinning), cost))
 }
 
 /// [`fill_checked`] without the pairs that `strategy` lets go.

@@ -195,3 +195,18 @@ fn a_view_of_nothing_asks_for_nothing_less() {
     assert_eq!(none.solution.irradiance.band(0).len(), whole.solution.irradiance.band(0).len());
     assert!(none.bounded_error().unwrap() <= 0.01);
 }
+
+/// Rays of the pilot, rows and bounds are pieces of a fixed size: what is dropped and what is said of it are the same bytes.
+#[test]
+fn a_view_with_pairs_dropped_is_the_same_in_any_pool() {
+    let scene = common::cornell_box();
+    let asked = Strategy { view: Some(block()), thin: Some(0.1), bounces: Some(0.01), ..strategy(4) };
+    let in_pool = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let run = pool.install(|| run(&scene, &asked, &mut ()).unwrap());
+        (run.bounded.clone(), run.solution.irradiance)
+    };
+    let (bounded, irradiance) = in_pool(1);
+    assert!(bounded[0].measured.unwrap() > 0 && bounded[0].bound.unwrap() <= 0.1);
+    assert!((bounded, irradiance) == in_pool(3));
+}
