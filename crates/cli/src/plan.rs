@@ -127,10 +127,13 @@ pub fn with_bounded(list: Value, bounded: &[Bounded]) -> Value {
 /// The line of one thing left out within an error.
 pub fn bounded_line(omission: &Bounded) -> String {
     let Bounded { reason, what, counted, predicted, measured, prior, bound } = omission;
+    // What refinement would have done is not known where it is led by points.
+    let known = *predicted > 0 || measured.is_some();
     let measured = measured.filter(|count| count != predicted);
     let measured = measured.map_or_else(String::new, |count| format!(" ({count} in the end)"));
+    let saves = if known { format!("saves {predicted} {counted}{measured}, ") } else { String::new() };
     let after = bound.map_or_else(String::new, |bound| format!(", {bound:.1e} in the end"));
-    format!("left out: {what}: {reason}; saves {predicted} {counted}{measured}, error at most {prior:.1e}{after}")
+    format!("left out: {what}: {reason}; {saves}error at most {prior:.1e}{after}")
 }
 
 /// A line for each thing left out within an error, and what all of them change.
