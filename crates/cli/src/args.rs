@@ -317,6 +317,7 @@ pub enum Shading {
 
 /// What a run may leave out.
 #[derive(ClapArgs, Clone, Debug)]
+#[command(group = ArgGroup::new("camera").args(["eye", "look_at", "up", "fov", "size"]).multiple(true).requires("ask_view"))]
 pub struct PlanArgs {
     /// Compute also what the scene does not need: dark rooms and bands, form factors between rooms, black faces as unknowns; and what its error
     /// does not need: small pairs, weak bounces, elements that the faces asked for do not see.
@@ -326,6 +327,13 @@ pub struct PlanArgs {
     /// and is not wanted only blocks; --tolerance is of these faces, and links and refinement elsewhere are as coarse as they allow.
     #[arg(long, value_name = "FACE,GROUP,…", value_delimiter = ',')]
     pub ask: Vec<String>,
+    /// Only what a camera shows is wanted, placed by --eye, --look-at, --up, --fov and --size as that of `render`: --tolerance, --thin-error and --bounce-error are
+    /// rms over pixels of what they show of reflected light, relative to its mean; with --ask of the faces named alone. Faces in view are written.
+    #[arg(long)]
+    pub ask_view: bool,
+    /// The camera.
+    #[command(flatten)]
+    pub view: ViewArgs,
 }
 
 /// `radiosity solve`.
@@ -396,8 +404,9 @@ pub struct SolveArgs {
     /// Estimated rms error of irradiance that the links of the hierarchical store may cause, as a share of its mean.
     #[arg(long, value_name = "T", value_parser = open_unit)]
     pub link_error: Option<f64>,
-    /// Drop pairs too small to matter: rms error of irradiance that this may cause, as a share of its level, bounded before and, more sharply,
-    /// after the solution; of the analytic method in the full form. A tenth of --tolerance where that refines the full form.
+    /// Drop pairs too small to matter: rms error of irradiance that this may cause, as a share of its mean level. Which they are is found by a coarse solution, and the
+    /// bound from the answer is kept below this, if need be by dropping fewer; of the analytic method in the full form. A tenth of --tolerance where that refines the
+    /// full form.
     #[arg(long, value_name = "T", value_parser = open_unit, conflicts_with_all = ["form_factors", "after", "repair"])]
     pub thin_error: Option<f64>,
     /// Stop the solver when bounces of light that are left change irradiance by at most this share of its level; a tenth of --tolerance

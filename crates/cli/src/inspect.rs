@@ -15,9 +15,11 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
     let (omit, asked) = (plan::omissions(&args.plan), plan::asked(&args.plan, scene)?);
+    let view = plan::view(&args.plan, scene)?.map(|view| view.camera);
     let strategy = |sizes: (usize, usize)| Strategy {
         omit,
         asked: asked.clone(),
+        view: view.clone(),
         ..strategy(sizes, mesh, &args.estimator, &args.common)
     };
     let cells = Size::before_meshing(scene, &mesh)?.elements as usize;

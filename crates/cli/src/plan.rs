@@ -1,20 +1,41 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
 use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
-use radiosity::{Bounded, Run, Store};
+use radiosity::{Bounded, Run, Store, surfaces_in_view};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
 
 use crate::Failure;
 use crate::args::PlanArgs;
+use crate::viewpoint::Viewpoint;
 
 /// What may be left out.
 pub fn omissions(args: &PlanArgs) -> Omissions {
     if args.keep_everything { Omissions::NONE } else { Omissions::ALL }
 }
 
-/// Indices of the faces asked for, ascending; `None` if all are.
+/// The camera whose picture is asked for, if one is.
+pub fn view(args: &PlanArgs, scene: &Scene) -> Result<Option<Viewpoint>, Failure> {
+    args.ask_view.then(|| Viewpoint::new(&args.view, scene)).transpose()
+}
+
+/// Indices of the faces asked for, ascending: those named, those in view, or those that are both; `None` if all are.
 pub fn asked(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure> {
+    let named = named(args, scene)?;
+    let Some(view) = view(args, scene)? else { return Ok(named) };
+    let mut seen = surfaces_in_view(scene, &view.camera);
+    seen.retain(|s| named.as_ref().is_none_or(|named| named.binary_search(s).is_ok()));
+    if seen.is_empty() {
+        let what = if named.is_some() { "none of the faces of --ask" } else { "no face" };
+        return Err(
+            format!("--ask-view: the camera shows the front of {what}; choose another --eye or --look-at").into()
+        );
+    }
+    Ok(Some(seen))
+}
+
+/// Indices of the faces that --ask names.
+fn named(args: &PlanArgs, scene: &Scene) -> Result<Option<Vec<u32>>, Failure> {
     if args.ask.is_empty() {
         return Ok(None);
     }
@@ -106,10 +127,13 @@ pub fn with_bounded(list: Value, bounded: &[Bounded]) -> Value {
 /// The line of one thing left out within an error.
 pub fn bounded_line(omission: &Bounded) -> String {
     let Bounded { reason, what, counted, predicted, measured, prior, bound } = omission;
+    // What refinement would have done is not known where it is led by points.
+    let known = *predicted > 0 || measured.is_some();
     let measured = measured.filter(|count| count != predicted);
     let measured = measured.map_or_else(String::new, |count| format!(" ({count} in the end)"));
+    let saves = if known { format!("saves {predicted} {counted}{measured}, ") } else { String::new() };
     let after = bound.map_or_else(String::new, |bound| format!(", {bound:.1e} in the end"));
-    format!("left out: {what}: {reason}; saves {predicted} {counted}{measured}, error at most {prior:.1e}{after}")
+    format!("left out: {what}: {reason}; {saves}error at most {prior:.1e}{after}")
 }
 
 /// A line for each thing left out within an error, and what all of them change.

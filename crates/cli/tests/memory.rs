@@ -39,6 +39,8 @@ fn predicted_peaks_are_those_of_runs() {
         "solve cornell_box.obj --subdivide 40 --solver hierarchical --link-error 0.02",
         "solve cube.obj --subdivide 60 --rays 64 --patch-subdivide 4",
         "solve cube.obj --subdivide 30 --rays 64 --store dense",
+        "solve cornell_box.obj --subdivide 16 --method analytic --store packed --thin-error 0.05",
+        "solve cornell_box.obj --subdivide 16 --method analytic --store dense --thin-error 0.05",
     ] {
         let command = format!("{command} --threads 2");
         let predicted = object(&folder, &format!("{command} --dry-run"))["predicted"]["peak_bytes"].as_f64().unwrap();

@@ -171,6 +171,14 @@ fn pairs_and_bounces_within_an_error_are_left_out_with_their_bounds() {
     assert!((square / (3.0 * area)).sqrt() / mean <= sum);
     let kept = object(&folder, &format!("{solve} kept.csv --thin-error 0.1 --bounce-error 0.01 --keep-everything"));
     assert!(errors(&kept).is_empty() && kept["left_out_error"] == 0.0);
+    for (more, instead) in [
+        ("--method ray-cast", "analytic"),
+        ("--patch-subdivide 2", "leave out the patches"),
+        ("--store on-demand", "packed"),
+    ] {
+        let refused = folder.run(&format!("solve scene.obj --subdivide 4 --thin-error 0.1 {more}"));
+        assert!(refused.code == 2 && refused.stderr.contains(instead), "{more}: {}", refused.stderr);
+    }
     let text = folder.run("solve scene.obj --subdivide 4 --thin-error 0.3 --bounce-error 0.01").stdout;
     assert!(text.contains("too small to matter") && text.contains("bounces beyond") && text.contains("at most"));
 }
@@ -199,4 +207,30 @@ fn a_tolerance_of_some_faces_is_refined_for_them_alone() {
     );
     assert!(full["refinement"]["kind"] == "uniform" && full["refinement"]["met"] == true);
     assert!(full["left_out_error"].as_f64().unwrap() > 0.0);
+}
+
+/// The picture is held to the errors asked for, and what is in view is written.
+#[test]
+fn a_view_is_refined_for_what_its_pixels_show() {
+    let folder = Folder::new("plan_view");
+    with_scene(&folder, &two_rooms([true, true]));
+    let corner = "--eye 0.4,0.5,1.6 --look-at 2,3.5,0 --up 0,0,1 --fov 50 --size 60x40";
+    let view =
+        object(&folder, &format!("solve scene.obj --subdivide 6 --ask-view {corner} --bounce-error 0.01 --json"));
+    assert_eq!(view["view"]["fov"], 50.0);
+    assert!(view["left_out_error"].as_f64().unwrap() <= 0.01);
+    let refine =
+        format!("solve scene.obj --method analytic --tolerance 0.05 --ask-view {corner} --json --output view.csv");
+    let refined = object(&folder, &refine);
+    assert_eq!(refined["refinement"]["met"], true);
+    let left = refined["left_out"].as_array().unwrap();
+    assert!(left.iter().any(|left| left["what"] == "refinement that the view does not show"));
+    // Floor and the walls around the corner: of the first room, and not its ceiling.
+    let surfaces: Vec<f64> = table(&folder, "view.csv").iter().map(|row| row[0]).collect();
+    assert!(surfaces.iter().all(|s| *s < 5.0) && surfaces.contains(&4.0));
+    // A camera is nothing without the picture being asked for, and must show something.
+    let refused = folder.run(&format!("solve scene.obj {corner}"));
+    assert!(refused.code == 2 && refused.stderr.contains("--ask-view"), "{}", refused.stderr);
+    let refused = folder.run("solve scene.obj --ask-view --eye 9,9,9 --look-at 19,9,9 --up 0,0,1");
+    assert!(refused.code == 2 && refused.stderr.contains("--eye"), "{}", refused.stderr);
 }

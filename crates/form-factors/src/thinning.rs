@@ -7,24 +7,34 @@
 //! h_i = n_i·(c_j − c_i) + R_j |n_i × n_j|,                   h_j likewise
 //! ```
 //!
-//! since no two points are nearer than g, none of j is higher over the plane of i than h_i, and what blocks only takes away. A row may lose a
-//! share δ of its sum. With τ_i the largest limit such that the U of row i below it add up to at most δ A_i, a pair is dropped if
+//! since no two points are nearer than g, none of j is higher over the plane of i than h_i, and what blocks only takes away. What a pair matters is what it
+//! carries: with weights w_j of what each facet sends (1 for a share of the row itself), row i may lose β_i A_i. With τ_i the largest limit such that the U_ij w_j
+//! of row i below it add up to at most β_i A_i, a pair is dropped if
 //!
 //! ```text
-//! U_ij < min(τ_i, τ_j)      ⇒      Σ_{j dropped} A_i F_ij ≤ u_i = Σ_{j dropped} U_ij ≤ δ A_i      for every i.
+//! U_ij w_j < τ_i  and  U_ij w_i < τ_j      ⇒      Σ_{j dropped} A_i F_ij w_j ≤ Σ_{j dropped} U_ij w_j ≤ β_i A_i      for every i.
 //! ```
 //!
 //! Both rows of a pair decide alike, so that what is left is symmetric. U is a geometric bound as hierarchical radiosity uses it (P. Hanrahan, D.
 //! Salzman and L. Aupperle,
-//! "A rapid hierarchical radiosity algorithm", Computer Graphics 25(4), 1991); the budget of a row in place of a threshold of a pair is what bounds the answer:
-//! what was dropped is an operator of norm δ at most, in the norms of the sum, the largest value and, by symmetry, the mean square. It is given back by
-//! [`ThinnedFormFactors`](crate::stores::ThinnedFormFactors). Tests compare U with exact pairs, the budget with the rows of an unthinned store, and the counts.
+//! "A rapid hierarchical radiosity algorithm", Computer Graphics 25(4), 1991), and U w their BF; the budget of a row in place of a threshold of a pair is what
+//! bounds the answer. What is dropped is given back by
+//! [`ThinnedFormFactors`](crate::stores::ThinnedFormFactors).
+//!
+//! What dropped pairs carried of known x is bounded by what is known of them, 0 ≤ D_ij ≤ U_ij and, of a row of a closed scene, their sum d_i:
+//!
+//! ```text
+//! Σ_j D_ij x_j ≤ min_λ ( λ d_i + Σ_{j dropped} U_ij (x_j − λ)₊ ),      and ≥ max_λ ( λ d_i − Σ_{j dropped} U_ij (λ − x_j)₊ )
+//! ```
+//!
+//! (the dual of the linear programme; any λ bounds it, and a few levels come near the best). Tests compare U with exact pairs, the budget with the rows of an unthinned
+//! store, the counts, and the bounds with what was dropped.
 //!
 //! What is *not* here: rows of rays or hemicubes, which are computed whole, and facets of several polygons, which keep all their pairs.
 
 use glam::DVec3;
 use pulp::{Simd, WithSimd};
-use radiosity_core::{BandValues, Bands, Cost, StoreError};
+use radiosity_core::{BandValues, Bands, Cost, FormFactors, RowBuf, StoreError};
 use radiosity_geometry::Facets;
 use rayon::prelude::*;
 
@@ -38,6 +48,8 @@ const BIN: u32 = 49;
 const STEPS: usize = 8;
 /// Powers of two below the budget of a row that have bins of their own; what is smaller is in the first.
 const POWERS: usize = 64;
+/// Levels λ at which what dropped pairs carried is bounded.
+const LEVELS: usize = 64;
 /// Rows that one task looks at; fixed, so that sums come out the same on any number of threads.
 const PIECE: usize = 16;
 
@@ -45,6 +57,8 @@ const PIECE: usize = 16;
 #[derive(Clone, Debug)]
 pub struct Thinning {
     places: Places,
+    /// w_i.
+    sent: Vec<f64>,
     /// τ_i; 0 where nothing is dropped.
     limits: Vec<f64>,
     /// u_i.
@@ -71,13 +85,30 @@ impl Thinning {
     ///
     /// If `kept` does not say of every facet whether it keeps its pairs, or the share is not in (0, 1].
     pub fn new(facets: &Facets, kept: &[bool], share: f64) -> Self {
-        let m = facets.len();
-        assert_eq!(kept.len(), m, "whether each facet keeps its pairs");
         assert!(share > 0.0 && share <= 1.0, "a share of a row, not {share}");
+        Self::weighted(facets, kept, vec![1.0; facets.len()], &vec![share; facets.len()])
+    }
+
+    /// Drops pairs of `facets` of which each row gets at most its budget β in all, of what the facets have `sent`; none of those in `kept`.
+    ///
+    /// # Panics
+    ///
+    /// If there is not of every facet whether it keeps its pairs, a weight and a budget, all of them finite and not negative.
+    pub fn weighted(facets: &Facets, kept: &[bool], sent: Vec<f64>, budgets: &[f64]) -> Self {
+        let m = facets.len();
+        assert_eq!(
+            (kept.len(), sent.len(), budgets.len()),
+            (m, m, m),
+            "whether it keeps its pairs, a weight and a budget of every facet"
+        );
+        assert!(sent.iter().chain(budgets).all(|x| x.is_finite() && *x >= 0.0), "weights and budgets are not negative");
         let places = Places::new(facets, kept);
         let (limits, spent, level) = (vec![0.0; m], vec![0.0; m], Level::best());
-        let mut thinning = Self { places, limits, spent, pairs: 0, level };
-        thinning.limits = thinning.by_rows(|i, bounds| limit(bounds, share * thinning.places.area[i]));
+        let mut thinning = Self { places, sent, limits, spent, pairs: 0, level };
+        thinning.limits = thinning.by_rows(|i, bounds| {
+            let carried = bounds.iter().zip(&thinning.sent).map(|(bound, sent)| bound * sent);
+            limit(carried, budgets[i] * thinning.places.area[i])
+        });
         let dropped: Vec<(u64, f64)> = thinning.by_rows(|i, bounds| {
             let of_row = (0..m).filter(|&j| thinning.drops(i, j, bounds[j]));
             // Bounds do not know what lies behind a plane that a sphere crosses; the estimator does.
@@ -109,23 +140,57 @@ impl Thinning {
         self.spent.iter().zip(&self.places.area).filter(|(_, a)| **a > 0.0).map(|(u, a)| u / a).fold(0.0, f64::max)
     }
 
-    /// Σ_{j dropped} U_ij |x_j − y_i| of every row and band: the most by which what the dropped pairs bring may differ from as much of y_i.
+    /// Bounds of Σ_{j dropped} D_ij x_j of every row and band, least and largest, over all D_ij that are not negative, at most U_ij and in every row `lost` in
+    /// sum; or no more than that if it is not known `exactly`.
     ///
     /// # Panics
     ///
-    /// If x or y does not fit the facets.
-    pub fn missed(&self, x: Bands<'_>, y: Bands<'_>) -> BandValues {
+    /// If x is negative, or it or what was lost does not fit the facets.
+    pub fn carried(&self, x: Bands<'_>, lost: &[f64], exactly: bool) -> [BandValues; 2] {
         let m = self.len();
-        assert_eq!((x.len(), y.len(), y.count()), (m, m, x.count()), "missed: lengths");
-        let rows: Vec<Vec<f64>> = self.by_rows(|i, bounds| {
+        assert_eq!((x.len(), lost.len()), (m, m), "carried: lengths");
+        assert!(x.values().iter().all(|x| *x >= 0.0), "carried: negative values");
+        let levels: Vec<Levels> = (0..x.count()).map(|b| self.levels(x.band(b))).collect();
+        let rows: Vec<Vec<[f64; 2]>> = self.by_rows(|i, bounds| {
             let dropped: Vec<usize> = (0..m).filter(|&j| self.drops(i, j, bounds[j])).collect();
-            let of_band = |b: usize| {
-                let (x, y) = (x.band(b), y.band(b)[i]);
-                dropped.iter().map(|&j| bounds[j] * (x[j] - y).abs()).sum()
+            let of_band = |(b, levels): (usize, &Levels)| {
+                let mut sums = [[0.0; 2]; LEVELS];
+                for &j in &dropped {
+                    let sum = &mut sums[levels.of[j] as usize];
+                    sum[0] += bounds[j];
+                    sum[1] += bounds[j] * x.band(b)[j];
+                }
+                levels.bounds(&sums, lost[i], exactly)
             };
-            (0..x.count()).map(of_band).collect()
+            levels.iter().enumerate().map(of_band).collect()
         });
-        BandValues::new((0..x.count()).flat_map(|b| rows.iter().map(move |row| row[b])).collect(), m)
+        let ends = |b: usize, end: usize| rows.iter().map(move |row| row[b][end]);
+        [0, 1].map(|end| BandValues::new((0..x.count()).flat_map(|b| ends(b, end)).collect(), m))
+    }
+
+    /// Levels of x between the extremes of what may be dropped.
+    fn levels(&self, x: &[f64]) -> Levels {
+        let droppable = x.iter().zip(&self.places.radius).filter(|(_, radius)| radius.is_finite());
+        let (least, most) = droppable.fold((f64::INFINITY, 0.0_f64), |(a, b), (x, _)| (a.min(*x), b.max(*x)));
+        let (least, step) = if least <= most { (least, (most - least) / LEVELS as f64) } else { (0.0, 0.0) };
+        let level = |x: &f64| if step > 0.0 { ((x - least) / step).clamp(0.0, (LEVELS - 1) as f64) as u8 } else { 0 };
+        Levels { least, step, of: x.iter().map(level).collect() }
+    }
+
+    /// What each row of `store` has of dropped pairs.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] if a row cannot be had.
+    pub fn of_dropped(&self, store: &dyn FormFactors) -> Result<Vec<f64>, StoreError> {
+        let of_row = |i: usize, bounds: &[f64]| -> Result<f64, StoreError> {
+            let (mut buf, mut sum) = (RowBuf::default(), 0.0);
+            store.row(i, 0, &mut buf)?.entries.for_each(|j, value| {
+                sum += if self.drops(i, j, bounds[j]) { value } else { 0.0 };
+            });
+            Ok(sum)
+        };
+        self.by_rows(of_row).into_iter().collect()
     }
 
     /// `of_row(i, U_i)` of every row.
@@ -146,7 +211,7 @@ impl Thinning {
 
     /// Whether a pair with this bound is dropped, if it faces each other at all.
     fn drops(&self, i: usize, j: usize, bound: f64) -> bool {
-        bound > 0.0 && bound < self.limits[i].min(self.limits[j])
+        bound > 0.0 && bound * self.sent[j] < self.limits[i] && bound * self.sent[i] < self.limits[j]
     }
 
     /// As the estimator has it: decided by the corners where a sphere reaches below a plane.
@@ -231,13 +296,39 @@ impl WithSimd for Fill<'_> {
     }
 }
 
-/// τ: the largest limit, in steps of an eighth of a power of two, below which the bounds add up to at most `budget`.
-fn limit(bounds: &[f64], budget: f64) -> f64 {
+/// Levels λ of some values, evenly apart, and the one below each value.
+struct Levels {
+    least: f64,
+    step: f64,
+    of: Vec<u8>,
+}
+
+impl Levels {
+    /// The bounds of a row from Σ U and Σ U x of its dropped pairs by level.
+    fn bounds(&self, sums: &[[f64; 2]; LEVELS], lost: f64, exactly: bool) -> [f64; 2] {
+        let above = sums.iter().fold([0.0; 2], |all, sum| [all[0] + sum[0], all[1] + sum[1]]);
+        // λ = 0 where less may have been lost: all of it, as it was.
+        let (mut least, mut largest) = (0.0_f64, if exactly { f64::INFINITY } else { above[1] });
+        let (mut above, mut below) = (above, [0.0; 2]);
+        for k in 0..=LEVELS {
+            let level = self.least + self.step * k as f64;
+            largest = largest.min(level * lost + (above[1] - level * above[0]).max(0.0));
+            least = least.max(level * lost - (level * below[0] - below[1]).max(0.0));
+            if let Some(sum) = sums.get(k) {
+                (above, below) = ([above[0] - sum[0], above[1] - sum[1]], [below[0] + sum[0], below[1] + sum[1]]);
+            }
+        }
+        [if exactly { least } else { 0.0 }, largest]
+    }
+}
+
+/// τ: the largest limit, in steps of an eighth of a power of two, below which what is `carried` adds up to at most `budget`.
+fn limit(carried: impl Iterator<Item = f64>, budget: f64) -> f64 {
     let highest = 1.0_f64.to_bits() >> BIN;
     let lowest = highest - (POWERS * STEPS) as u64;
     let mut sums = [0.0; POWERS * STEPS];
-    for &bound in bounds {
-        let share = bound / budget;
+    for carried in carried {
+        let share = carried / budget;
         if share < 1.0 {
             sums[(share.to_bits() >> BIN).saturating_sub(lowest) as usize] += share;
         }
@@ -312,15 +403,14 @@ impl Rows for ThinnedRows<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     /// Below the limit lie 0.25 + 0.25 + 0.4375 = 0.9375 of a budget of 2; the bin of 0.5 would take it past.
     #[test]
     fn the_limit_of_a_row_takes_what_fits_its_budget() {
         let bounds = [0.5, 0.5, 0.875, 1.0, 7.0, f64::INFINITY, 0.0];
-        let limit = limit(&bounds, 2.0);
-        assert!(limit > 0.875 && limit <= 1.0, "{limit}");
-        assert_eq!(super::limit(&[0.5, 1e-40], 0.25), 0.25);
-        assert_eq!(super::limit(&[3.0; 4], 1.0), 1.0);
+        let limit = |bounds: &[f64], budget| super::limit(bounds.iter().copied(), budget);
+        let found = limit(&bounds, 2.0);
+        assert!(found > 0.875 && found <= 1.0, "{found}");
+        assert_eq!(limit(&[0.5, 1e-40], 0.25), 0.25);
+        assert_eq!(limit(&[3.0; 4], 1.0), 1.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Small pairs are dropped within the budget of their rows, never computed, and given back without loss of symmetry or closure.
 
-use radiosity_core::FormFactors;
+use radiosity_core::{BandValues, FormFactors};
 use radiosity_form_factors::analytic::Analytic;
 use radiosity_form_factors::checks::check;
 use radiosity_form_factors::stores::{
@@ -56,6 +56,42 @@ fn a_row_loses_no_more_than_its_budget_and_what_stays_is_what_it_was() {
     }
 }
 
+/// Of a smooth x and of one that jumps: what was dropped carried of it lies in the bounds by its sum, and those are within the ones that only know that no more was lost.
+#[test]
+fn what_dropped_pairs_carried_lies_within_its_bounds() {
+    for scene in rooms() {
+        let (facets, blockers) = (mesh(&scene, 6), Occluders::blocking(&scene));
+        let m = facets.len();
+        let weights: Vec<f64> = (0..m).map(|k| facets.polygons(k)[0].centroid().x + 0.1).collect();
+        let budgets: Vec<f64> = (0..m).map(|k| if k % 7 == 0 { 0.01 } else { 0.1 }).collect();
+        let thinning = Thinning::weighted(&facets, &vec![false; m], weights.clone(), &budgets);
+        let (whole, _) = DenseFormFactors::assemble(&pairs(&facets, &blockers)).unwrap();
+        let rows = ThinnedRows::new(Box::new(pairs(&facets, &blockers)), &thinning);
+        let (kept, _) = DenseFormFactors::assemble(&rows).unwrap();
+        let jumps = (0..m).map(|k| f64::from(u8::from(k % 5 < 2)));
+        let x = BandValues::new(weights.iter().copied().chain(jumps).collect(), m);
+        let dropped = |s: usize, t: usize| whole.entry(s, t) - kept.entry(s, t);
+        let lost: Vec<f64> = (0..m).map(|s| (0..m).map(|t| dropped(s, t)).sum()).collect();
+        assert_eq!(thinning.of_dropped(&whole).unwrap(), lost);
+        let [exactly, at_most] = [true, false].map(|exactly| thinning.carried(x.view(), &lost, exactly));
+        let mut inside = 0;
+        for (s, budget) in budgets.iter().enumerate() {
+            let spent: f64 = (0..m).map(|t| dropped(s, t) * weights[t]).sum();
+            assert!(spent <= budget * facets.area(s), "row {s}");
+            for band in 0..2 {
+                let carried: f64 = (0..m).map(|t| dropped(s, t) * x.band(band)[t]).sum();
+                let [low, high] = [0, 1].map(|end| exactly[end].band(band)[s]);
+                // A sum of some hundred entries rounds.
+                let slack = 1e-12 * facets.area(s);
+                assert!(low <= carried + slack && carried <= high + slack, "row {s}: {low} {carried} {high}");
+                assert!(at_most[0].band(band)[s] == 0.0 && high <= at_most[1].band(band)[s] + slack);
+                inside += u32::from(high - low < 0.5 * at_most[1].band(band)[s]);
+            }
+        }
+        assert!(inside > 0);
+    }
+}
+
 #[test]
 fn dropped_pairs_are_not_computed_and_counted_beforehand() {
     for scene in rooms() {
@@ -97,7 +133,7 @@ fn rows_get_back_what_they_lost_in_every_store() {
     ];
     for store in stores {
         let before = check(&*store, &areas, &areas, true).unwrap().closure.unwrap().1;
-        let (store, _) = ThinnedFormFactors::new(store, &areas, thinning.spent()).unwrap();
+        let (store, _) = ThinnedFormFactors::new(store, &areas, thinning.spent(), 1.0).unwrap();
         let found = check(&store, &areas, &areas, true).unwrap();
         let after = found.closure.unwrap().1;
         assert!(before.abs() > 1e-3 && after.abs() < 1e-6, "{before} and {after}");
@@ -116,7 +152,7 @@ fn what_a_partition_parts_stays_apart() {
     let rows = ThinnedRows::new(Box::new(pairs(&facets, &blockers)), &thinning);
     assert_eq!(rows.name(), "analytic");
     let (store, _) = DenseFormFactors::assemble(&rows).unwrap();
-    let (store, _) = ThinnedFormFactors::new(Box::new(store), &areas, thinning.spent()).unwrap();
+    let (store, _) = ThinnedFormFactors::new(Box::new(store), &areas, thinning.spent(), 1.0).unwrap();
     let (half, mut buf) = (facets.len() / 2, radiosity_core::RowBuf::default());
     for (s, area) in areas[..half].iter().enumerate() {
         let row = store.row(s, 0, &mut buf).unwrap();

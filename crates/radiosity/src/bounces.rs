@@ -8,7 +8,13 @@
 //! ‖H* − H‖   = ‖(I − Fρ)⁻¹ z‖     ≤ ‖z‖ / (1 − σ ρ_max),             z = F r = F B − H,
 //! ```
 //!
-//! with ‖F‖ ≤ σ by its row and column sums (1 but for errors). The first tells the bounces before any work ([`bounces`]); the second takes three products after
+//! with ‖F‖ ≤ σ by its row and column sums f (1 but for errors), and in every element
+//!
+//! ```text
+//! |H* − H|_e ≤ |z_e| + f_e ρ_max max|z| / (1 − ρ_max max f),
+//! ```
+//!
+//! since what z brings comes by the row of e: where none does, nothing is missing. The smaller of both counts for what is asked for. The first tells the bounces before any work ([`bounces`]); the second takes three products after
 //! it, and the solver goes on until it is the error asked for. Jacobi's steps are bounces; other methods take no more of them where they converge
 //! faster, and what they took is counted.
 //! A test compares the bound with a solution to rounding, and the steps with those of one.
@@ -17,7 +23,8 @@
 
 use radiosity_core::{BandValues, Bands, Direction, Observer, Solution, StopRule, System, solve_from};
 
-use crate::bounded::{Bounded, By, Missed, area_of, largest, norm, relative};
+use crate::asked::Asked;
+use crate::bounded::{Bounded, By, Missed, Norms, largest, relative};
 use crate::run::{allowed, named, stop_rule};
 use crate::{Geometry, RunError, Shape, Strategy};
 
@@ -56,10 +63,10 @@ fn followed(reflectance: f64, error: f64, steps: u64) -> u64 {
     if (0.0..1.0).contains(&reflectance) && error > 0.0 { bounces(reflectance, error).min(steps) } else { steps }
 }
 
-/// Solves until what is unshot changes irradiance of the elements `asked` for by at most what `strategy` allows, or to its unshot share.
+/// Solves until what is unshot changes irradiance of what is `asked` for by at most what `strategy` allows, or to its unshot share.
 pub(crate) fn solve_until(
     system: &System<'_>,
-    asked: &[bool],
+    asked: &Asked,
     strategy: &Strategy,
     observer: &mut dyn Observer,
     from: Option<Bands<'_>>,
@@ -73,14 +80,14 @@ pub(crate) fn solve_until(
     };
     let rho = largest(&system.reflectance().to_owned());
     let most = rho.iter().copied().fold(0.0, f64::max);
-    let (sigma, found) = norm(system)?;
-    let left: Vec<f64> = rho.iter().map(|rho| 1.0 - sigma * rho).collect();
+    let norms = Norms::new(system)?;
+    let left: Vec<f64> = rho.iter().map(|rho| 1.0 - norms.sigma * rho).collect();
     if left.iter().any(|left| *left <= 0.0) {
         return Ok((solve_from(system, solver, &plain, observer, from)?, None));
     }
-    let (areas, total) = (system.areas(), system.power(&vec![1.0; system.elements()]));
-    // If none of it has an unknown, a black face say, its level is not known here, and the solver goes on to its unshot share.
-    let asked = (asked, area_of(areas, asked));
+    let areas = system.areas();
+    // If none of what is asked for has an unknown, a black face say, its error is not known here, and the solver goes on to its unshot share.
+    let known = asked.parts.iter().any(|part| *part > 0.0);
     let mut unshot = (error * (1.0 - most)).max(strategy.unshot);
     let mut done: Option<Solution> = None;
     loop {
@@ -94,19 +101,25 @@ pub(crate) fn solve_until(
             solution.time += done.time;
             solution.verification += done.verification;
         }
-        // z, and a vector of the norm that bounds what is missing.
+        // z, and what it bounds.
         let mut values = BandValues::zeros(system.bands(), system.elements());
         solution.verification += system.irradiance(Direction::Gather, solution.radiosity.view(), values.view_mut())?;
-        for (b, left) in left.iter().enumerate() {
-            let of_band = values.band(b).iter().zip(solution.irradiance.band(b)).zip(areas);
-            let square: f64 = of_band.map(|((again, h), a)| a * (again - h).powi(2)).sum();
-            values.band_mut(b).fill((square / total).sqrt() / left);
+        let mut squares = Vec::with_capacity(values.count());
+        for (b, (left, rho)) in left.iter().zip(&rho).enumerate() {
+            let z = values.band_mut(b);
+            z.iter_mut().zip(solution.irradiance.band(b)).for_each(|(again, h)| *again = (*again - h).abs());
+            let square: f64 = z.iter().zip(areas).map(|(z, area)| area * z * z).sum();
+            squares.push(square / (left * left));
+            let largest = z.iter().copied().fold(0.0, f64::max);
+            let reflected = rho * largest / (1.0 - rho * norms.largest());
+            let everywhere = if reflected >= 0.0 { reflected } else { f64::INFINITY };
+            z.iter_mut().zip(&norms.sums).filter(|(_, sum)| **sum > 0.0).for_each(|(z, sum)| *z += sum * everywhere);
         }
-        let by = By { values, pointwise: false };
-        let missed = relative(&by, &solution.irradiance, areas, asked);
+        let by = By { values, squares };
+        let missed = if known { relative(&by, &solution.irradiance, areas, asked) } else { f64::INFINITY };
         let stopped = unshot <= strategy.unshot || solution.steps >= strategy.steps;
         if missed <= error || stopped || solution.outcome != radiosity_core::Outcome::Converged {
-            solution.verification += found;
+            solution.verification += norms.cost;
             let omission = omission(strategy, most, error, solution.steps);
             return Ok((solution, Some(Missed { omission, by: Some(by) })));
         }

@@ -8,26 +8,21 @@
 //! | bounces of light too weak to matter | [`Strategy::bounces`] | `bounces.rs` |
 //! | refinement that what is asked for does not see | [`Strategy::asked`] | `importance.rs` |
 //!
-//! Of the first two the bound is known before (`prior`, from reflectances alone) and sharper afterwards (`bound`, from the answer). Bounds of
-//! several add. The third is part of
-//! the estimate that refinement stops by, and has none of its own. Norms are area-weighted root mean squares,
+//! The first two are held to what they may change and have a bound of what they did (`bound`, from the answer). Bounds of several add. The third is part of
+//! the estimate that refinement stops by, and has none of its own. Norms are area-weighted root mean squares over what is asked for: all surfaces, some
+//! ([`Strategy::asked`]), or the pixels of a view ([`Strategy::view`]), with the weights a and s that `asked.rs` says,
 //!
 //! ```text
-//! ‖h‖² = Σ_e A_e h_e²,      prior ≥ ‖H − H*‖ / ‖H‖,      bound ≥ ‖H − H*‖ √(Σ A) / Σ A H
+//! bound ≥ √( Σ_e a_e ⟨s_e² (H − H*)_e²⟩ / Σ a ) / ( Σ_e a_e ⟨s_e H_e⟩ / Σ a ),      ⟨·⟩ the mean over the bands
 //! ```
 //!
-//! in all bands together; the second is the measure of a report, whose means over cells make it no larger. Where only some surfaces W are asked for
-//! ([`Strategy::asked`]), it is a bound of their error relative to their own mean,
-//!
-//! ```text
-//! bound ≥ ‖H − H*‖_W √(Σ_W A) / Σ_W A H,      ‖H − H*‖_W ≤ ‖by‖_W if |H − H*| ≤ by in every element, else ≤ ‖H − H*‖ ≤ ‖by‖
-//! ```
-//!
-//! with sums over W alone; the prior stays one of all surfaces. Where W has no exposed area nothing is relative to it, and all surfaces count.
+//! which over surfaces is the measure of a report, whose means over cells make it no larger. Omissions bound the change in every element; where one bounds the
+//! mean square over all surfaces more sharply, what is asked for has at most the largest a s²/A of that. Where nothing that is asked for has an exposed area nothing
+//! is relative to it, and all surfaces count. What no light reaches is 0 exactly: its bound is 0.
 
 use radiosity_core::{BandValues, Cost, System};
 
-use crate::importance::{exposed, is_asked};
+use crate::asked::{Asked, Named};
 use crate::{Geometry, Plan, RunError, Strategy, bounces, thin};
 
 /// A bounded omission.
@@ -43,9 +38,9 @@ pub struct Bounded {
     pub predicted: u64,
     /// How many were not; `None` where that cannot be told.
     pub measured: Option<u64>,
-    /// Bound of the rms change of irradiance relative to its rms level, over all surfaces, before anything is computed.
+    /// The rms change of irradiance, relative to its mean level over what is asked for, that it is held to.
     pub prior: f64,
-    /// Bound of the rms change of irradiance relative to its mean level, over the surfaces asked for, after the solution; `None` if there is none.
+    /// Bound of that change, after the solution; `None` if there is none.
     pub bound: Option<f64>,
 }
 
@@ -54,11 +49,19 @@ pub fn foreseen(plan: &Plan, geometry: &Geometry<'_>, strategy: &Strategy) -> Ve
     thin::foreseen(plan, geometry, strategy).into_iter().chain(bounces::foreseen(geometry, strategy)).collect()
 }
 
-/// A vector that bounds |H − H*|.
+/// What bounds H − H*.
 pub(crate) struct By {
+    /// No less than |H − H*| in any element.
     pub(crate) values: BandValues,
-    /// Whether it does in every element, or has only the norm of such a vector.
-    pub(crate) pointwise: bool,
+    /// No less than Σ A (H − H*)² over all elements of each band; infinite where the values say all that is known.
+    pub(crate) squares: Vec<f64>,
+}
+
+impl By {
+    /// What bounds it in every element, and nothing else.
+    pub(crate) fn pointwise(values: BandValues) -> Self {
+        Self { squares: vec![f64::INFINITY; values.count()], values }
+    }
 }
 
 /// A bounded omission and what bounds its effect, if anything does.
@@ -76,40 +79,21 @@ impl Missed {
         self.omission.measured.filter(|_| self.omission.counted == FORM_FACTORS)
     }
 
-    /// With the bound relative to irradiance `h` of the surfaces `asked` for, on the exposed elements; what is not a number there was not asked for.
-    pub(crate) fn relative_to(self, geometry: &Geometry<'_>, asked: Option<&[u32]>, h: &BandValues) -> Bounded {
-        let (areas, surfaces) = (geometry.elements().areas(), geometry.surfaces());
-        let asked = exposed(asked, &surfaces);
-        // Covered parts are part of a report.
-        let all: Vec<u32> = geometry.mesh().elements.iter().map(|element| element.surface).collect();
-        let total = area_of(&geometry.mesh().areas(), &is_asked(asked, &all));
-        let asked = is_asked(asked, &surfaces);
-        Bounded { bound: self.by.as_ref().map(|by| relative(by, h, &areas, (&asked, total))), ..self.omission }
+    /// With the bound relative to irradiance `h`, on the exposed elements, of what is `named`; what is not a number there was not asked for.
+    pub(crate) fn relative_to(self, geometry: &Geometry<'_>, named: Named<'_>, h: &BandValues) -> Bounded {
+        let areas = geometry.elements().areas();
+        let bound = self.by.as_ref().map(|by| relative(by, h, &areas, &Asked::new(geometry, named)));
+        Bounded { bound, ..self.omission }
     }
 }
 
-/// Σ_W A.
-pub(crate) fn area_of(areas: &[f64], asked: &[bool]) -> f64 {
-    areas.iter().zip(asked).filter(|(_, asked)| **asked).map(|(area, _)| area).sum()
-}
-
-/// ‖by‖_W √A_W / Σ_W A H over all bands, W being what is asked for and A_W its area; infinite where no light arrives there.
-pub(crate) fn relative(by: &By, h: &BandValues, areas: &[f64], (asked, total): (&[bool], f64)) -> f64 {
-    let bands = h.count() as f64;
-    let sum = |values: &BandValues, all: bool, of: &dyn Fn(f64) -> f64| -> f64 {
-        let weighted = |b: usize| -> f64 {
-            let of_band = areas.iter().zip(values.band(b)).zip(asked);
-            of_band.filter(|(_, asked)| all || **asked).map(|((a, value), _)| a * of(*value)).sum()
-        };
-        (0..values.count()).map(weighted).sum()
-    };
-    let square = sum(&by.values, !by.pointwise, &|by| by * by);
-    let light = sum(h, false, &|h| if h.is_nan() { 0.0 } else { h });
-    match (square == 0.0, light == 0.0) {
-        (true, _) => 0.0,
-        (_, true) => f64::INFINITY,
-        _ => (square / (bands * total)).sqrt() / (light / (bands * total)),
-    }
+/// The bound of a change of `h` relative to what is asked for of it; infinite where no light arrives there and some might.
+pub(crate) fn relative(by: &By, h: &BandValues, areas: &[f64], asked: &Asked) -> f64 {
+    let bands = h.count();
+    let square = |b: usize| asked.square(&by.values, b).min(asked.densest(areas, b) * by.squares[b]);
+    let square: f64 = (0..bands).map(square).sum();
+    let level = asked.level(h);
+    if square == 0.0 { 0.0 } else { (square / (bands as f64 * asked.total)).sqrt() / level }
 }
 
 /// Largest reflectance of every band.
@@ -117,27 +101,42 @@ pub(crate) fn largest(reflectance: &BandValues) -> Vec<f64> {
     (0..reflectance.count()).map(|b| reflectance.band(b).iter().copied().fold(0.0, f64::max)).collect()
 }
 
-/// σ ≥ ‖F‖: the root of the largest row sum times the largest column sum of a system's form factors (I. Schur 1911), and what the products took, one where they are
-/// the same. It is
-/// 1 but for errors of the form factors.
-pub(crate) fn norm(system: &System<'_>) -> Result<(f64, Cost), RunError> {
-    let store = system.store();
-    let (own, patches) = (system.areas(), system.patch_areas());
-    let (sources, targets) = match system.form() {
-        radiosity_core::Form::PatchesToElements => (patches, own),
-        _ => (own, patches),
-    };
-    let mut largest = [0.0_f64; 2];
-    let mut cost = Cost::default();
-    let ones = |count: usize| BandValues::single(vec![1.0; count]);
-    let mut sums = BandValues::zeros(1, sources.len());
-    cost += store.gather(ones(targets.len()).view(), sums.view_mut())?;
-    largest[0] = sums.values().iter().zip(sources).map(|(sum, area)| sum / area).fold(0.0, f64::max);
-    if store.properties().symmetric {
-        return Ok((largest[0], cost));
+/// What is known of the form factors of a system by their sums.
+pub(crate) struct Norms {
+    /// Σ_t F_et of every element: what it gathers of light that is 1 everywhere.
+    pub(crate) sums: Vec<f64>,
+    /// σ ≥ ‖F‖: the root of the largest of those times the largest sum of a target (I. Schur 1911), 1 but for errors of the form factors.
+    pub(crate) sigma: f64,
+    /// What the products took, one where both sums are the same.
+    pub(crate) cost: Cost,
+}
+
+impl Norms {
+    pub(crate) fn new(system: &System<'_>) -> Result<Self, RunError> {
+        let store = system.store();
+        let (own, patches) = (system.areas(), system.patch_areas());
+        let shoots = system.form() == radiosity_core::Form::PatchesToElements;
+        let (sources, targets) = if shoots { (patches, own) } else { (own, patches) };
+        let ones = |count: usize| BandValues::single(vec![1.0; count]);
+        let over = |sums: &BandValues, areas: &[f64]| -> Vec<f64> {
+            sums.values().iter().zip(areas).map(|(sum, area)| if *area > 0.0 { sum / area } else { 0.0 }).collect()
+        };
+        let largest = |sums: &[f64]| sums.iter().copied().fold(0.0, f64::max);
+        let mut sums = BandValues::zeros(1, sources.len());
+        let mut cost = store.gather(ones(targets.len()).view(), sums.view_mut())?;
+        let rows = over(&sums, sources);
+        if store.properties().symmetric {
+            return Ok(Self { sigma: largest(&rows), sums: rows, cost });
+        }
+        let mut sums = BandValues::zeros(1, targets.len());
+        cost += store.scatter(ones(sources.len()).view(), sums.view_mut())?;
+        let columns = over(&sums, targets);
+        let sigma = (largest(&rows) * largest(&columns)).sqrt();
+        Ok(Self { sums: if shoots { columns } else { rows }, sigma, cost })
     }
-    let mut sums = BandValues::zeros(1, targets.len());
-    cost += store.scatter(ones(sources.len()).view(), sums.view_mut())?;
-    largest[1] = sums.values().iter().zip(targets).map(|(sum, area)| sum / area).fold(0.0, f64::max);
-    Ok(((largest[0] * largest[1]).sqrt(), cost))
+
+    /// Largest sum of an element: the norm of F in the largest value.
+    pub(crate) fn largest(&self) -> f64 {
+        self.sums.iter().copied().fold(0.0, f64::max)
+    }
 }

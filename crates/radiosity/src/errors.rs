@@ -16,8 +16,10 @@ use glam::DVec3;
 use radiosity_core::BandValues;
 use radiosity_geometry::mesh::{MeshError, Reconstruction};
 use radiosity_geometry::polygon::area_vector;
+use radiosity_render::Camera;
 
 use crate::Geometry;
+use crate::asked::Pixels;
 
 /// Irradiance on the cells of a report grid, or at points standing for equal parts of a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,6 +122,24 @@ impl GridValues {
         let values = (0..bands).flat_map(|b| found.iter().map(move |&(element, point)| value(element, point, b)));
         let values = BandValues::new(values.collect(), found.len());
         Self { surfaces, indices, areas, values }
+    }
+
+    /// What every pixel of a camera shows of light that is reflected, ρH of the element in its middle, a cell a pixel: those that show a front, row by row.
+    /// Elements of which nothing is known show 0.
+    pub fn seen(geometry: &Geometry<'_>, irradiance: &BandValues, camera: &Camera) -> Self {
+        let (rho, pixels) = (geometry.reflectance(), Pixels::new(geometry, camera, None).seen);
+        let shown = |b: usize, e: u32| match (rho.band(b).get(e as usize), irradiance.band(b).get(e as usize)) {
+            (Some(rho), Some(h)) if !h.is_nan() => rho * h,
+            _ => 0.0,
+        };
+        let values = (0..irradiance.count()).flat_map(|b| pixels.iter().map(move |pixel| (b, pixel.2)));
+        let values = values.map(|(b, e)| shown(b, e)).collect();
+        Self {
+            surfaces: pixels.iter().map(|pixel| pixel.1).collect(),
+            indices: pixels.iter().map(|pixel| (pixel.0 % camera.width(), pixel.0 / camera.width())).collect(),
+            areas: vec![1.0; pixels.len()],
+            values: BandValues::new(values, pixels.len()),
+        }
     }
 
     /// The cells of some surfaces only.

@@ -14,7 +14,9 @@
 //! estimate is what was asked for, and the solver goes on from the first answer. The threshold falls in small steps: what is refined beyond
 //! need cannot be taken back, and a step costs no more than a look at every link and the links it makes.
 //!
-//! Where only some surfaces are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
+//! No link is dropped: what is too weak to be refined is carried by the link of larger nodes, so that nothing has to be given back, and its error is part of the estimate.
+//!
+//! Where only some surfaces or a view are asked for, ε² of a link counts by the square of its receiver's importance to them ([`Importance`]), guessed like x at first and
 //! solved for on the coarse links; the error is that of their irradiance, relative to its mean.
 
 use std::sync::Arc;
@@ -26,8 +28,9 @@ use radiosity_form_factors::analytic::{Analytic, PartialVisibility};
 use radiosity_form_factors::hierarchical::{Brightness, HierarchicalFormFactors, Hierarchy, Linking, Links};
 use rayon::prelude::*;
 
+use crate::asked::Asked;
 use crate::estimate::analytic;
-use crate::importance::{Importance, exposed, is_asked, largest_of, weights};
+use crate::importance::{Importance, largest_of};
 use crate::predict::admit_links;
 use crate::run::{Made, allowed, named, stop_rule};
 use crate::strategy::partial_among;
@@ -100,8 +103,8 @@ pub(crate) fn solve_by_links(
         (None, geometry.emission())
     };
     let linking = linking(geometry, &hierarchy, strategy.method, strategy.seed);
-    let surfaces = geometry.surfaces();
-    let asked = exposed(strategy.asks(), &surfaces).map(|asked| weights(&is_asked(Some(asked), &surfaces)));
+    let asked = strategy.asks().then(|| Asked::some(geometry, strategy.named())).flatten();
+    let asked = asked.map(|asked| asked.weights(&areas));
     let counted = asked.as_deref().map_or(areas.clone(), |asked| areas.iter().zip(asked).map(|(a, w)| a * w).collect());
     let guess = Guess::new(&areas, &sent, &reflectance, lit.as_ref().map(|lit| (lit, &counted[..])));
     let mut brightness = Brightness::of(&hierarchy, &guess.sent, guess.level).linear();
@@ -109,7 +112,7 @@ pub(crate) fn solve_by_links(
     if let Some(asked) = &asked {
         let lamps = BandValues::new(asked.repeat(reflectance.count()), asked.len());
         let guess = Guess::new(&areas, &lamps, &reflectance, None);
-        brightness = brightness.worth(&hierarchy, &worth(largest_of(&guess.sent), &areas, &counted));
+        brightness = brightness.worth(&hierarchy, &worth(largest_of(&guess.sent), asked, &areas, &counted));
     }
     let admitted = |links: &Links| admit_links(geometry, strategy, links.len());
     let coarse = COARSE_LINKS * error;
@@ -134,7 +137,7 @@ pub(crate) fn solve_by_links(
             let (found, solved) = Importance::new(&system, asked, &strategy.solver, &stop)?;
             solution.cost += solved.cost;
             solution.time += solved.time;
-            importance = Some(worth(largest_of(&found.of_irradiance), &areas, &counted));
+            importance = Some(worth(largest_of(&found.of_irradiance), asked, &areas, &counted));
         }
         // Only where the solver goes on from is kept.
         solution.irradiance = BandValues::zeros(0, 0);
@@ -280,18 +283,20 @@ fn direct_light(geometry: &Geometry<'_>, error: f64, seed: u64) -> (BandValues, 
     (all, costs.into_iter().sum())
 }
 
-/// What the square of an error on each element counts where only the area A_W is asked for, by its importance Y in the band in which that is largest:
+/// What the square of an error on each element counts where only W is asked for, of the area A_W = Σ A W, by its importance Y in the band in which that is largest:
 ///
 /// ```text
-/// (Y/⟨Y⟩_W)² Σ A / A_W
+/// (y/⟨y⟩_W)² Σ A / A_W,      y = √W + (Y − W), on surfaces Y
 /// ```
 ///
-/// Errors of links hardly depend on each other, so that those of nodes add by squares, and one that reaches the asked area evenly is worth (A_p Y
-/// ε)²/A_W ≤ A_p Y² ε²
+/// Errors of links hardly depend on each other, so that those of nodes add by squares: at once by W, and one that reaches what is asked for evenly is worth (A_p (Y − W)
+/// ε)²/A_W ≤ A_p (Y − W)² ε²
 /// there. Relative to what is asked for, since errors of links are counted without their reflections; and over its share, so that sums over all area
 /// are means over that.
-fn worth(y: Vec<f64>, areas: &[f64], counted: &[f64]) -> Vec<f64> {
+fn worth(y: Vec<f64>, w: &[f64], areas: &[f64], counted: &[f64]) -> Vec<f64> {
     let (asked, total) = (counted.iter().sum::<f64>(), areas.iter().sum::<f64>());
+    let y: Vec<f64> =
+        y.into_iter().zip(w).map(|(y, w)| if *w == 1.0 { y } else { w.sqrt() + (y - w).max(0.0) }).collect();
     let mean = y.iter().zip(counted).map(|(y, area)| y * area).sum::<f64>() / asked;
     y.into_iter().map(|y| (y / mean).powi(2) * total / asked).collect()
 }

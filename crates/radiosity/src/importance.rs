@@ -21,13 +21,13 @@
 //! neither asked for nor seen by it. A test has both sides of the first line equal to rounding. On forms with patches the equality holds as far as
 //! reciprocity does.
 //!
-//! What is *not* here: weights of single elements or directions, as a camera has them.
+//! W may be any weights: those of a picture are [`view_weights`](crate::view_weights). What is *not* here: importance by direction, which diffuse surfaces do
+//! not need.
 
 use radiosity_core::{BandValues, Direction, Solution, StopRule, System, solve_from};
 
-use crate::plan::Omissions;
+use crate::RunError;
 use crate::run::named;
-use crate::{RunError, Strategy};
 
 /// Importances of the elements of a system.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,37 +60,37 @@ impl Importance {
         stop: &StopRule,
     ) -> Result<(Self, Solution), RunError> {
         assert_eq!(asked.len(), system.elements(), "a weight of every element");
-        let lamps = BandValues::new(asked.repeat(system.bands()), asked.len());
+        Self::weighted(system, &BandValues::new(asked.repeat(system.bands()), asked.len()), solver, stop)
+    }
+
+    /// [`Self::new`] for weights W that differ between bands.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] as [`Self::new`].
+    ///
+    /// # Panics
+    ///
+    /// If there is not one weight an element and band.
+    pub fn weighted(
+        system: &System<'_>,
+        lamps: &BandValues,
+        solver: &str,
+        stop: &StopRule,
+    ) -> Result<(Self, Solution), RunError> {
+        assert_eq!(
+            (lamps.len(), lamps.count()),
+            (system.elements(), system.bands()),
+            "a weight of every element and band"
+        );
         let (areas, rho) = (system.areas(), system.reflectance());
         let adjoint = match system.parent() {
             None => System::full(system.store(), areas, lamps.view(), rho)?,
             Some(parent) => System::substructured(system.store(), system.form(), areas, parent, lamps.view(), rho)?,
         };
         let mut solved = solve_from(&adjoint, &mut *named(solver, 1)?, stop, &mut (), None)?;
-        let mut of_emission = BandValues::zeros(system.bands(), asked.len());
+        let mut of_emission = BandValues::zeros(system.bands(), lamps.len());
         solved.cost += adjoint.irradiance(Direction::Gather, solved.radiosity.view(), of_emission.view_mut())?;
         Ok((Self { of_irradiance: solved.radiosity.clone(), of_emission }, solved))
     }
-}
-
-impl Strategy {
-    /// The surfaces that alone are asked for, if anything may be left out: errors elsewhere count by their importance then.
-    pub(crate) fn asks(&self) -> Option<&[u32]> {
-        self.asked.as_deref().filter(|_| self.omit != Omissions::NONE)
-    }
-}
-
-/// Whether each of `surfaces` is asked for; all are if nothing is said.
-pub(crate) fn is_asked(asked: Option<&[u32]>, surfaces: &[u32]) -> Vec<bool> {
-    surfaces.iter().map(|s| asked.is_none_or(|asked| asked.binary_search(s).is_ok())).collect()
-}
-
-/// `asked`, if one of them is among the `surfaces` of exposed elements; without any, no error is relative to them and all surfaces count.
-pub(crate) fn exposed<'s>(asked: Option<&'s [u32]>, surfaces: &[u32]) -> Option<&'s [u32]> {
-    asked.filter(|asked| surfaces.iter().any(|s| asked.binary_search(s).is_ok()))
-}
-
-/// 1 where it is true.
-pub(crate) fn weights(asked: &[bool]) -> Vec<f64> {
-    asked.iter().map(|&asked| f64::from(u8::from(asked))).collect()
 }

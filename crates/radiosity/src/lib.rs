@@ -8,6 +8,7 @@
 //! global state.
 
 pub mod adaptive;
+mod asked;
 mod bounces;
 pub mod bounded;
 pub mod choice;
@@ -32,6 +33,7 @@ mod tolerance;
 mod yardstick;
 
 pub use adaptive::{Adaptive, AdaptiveRun, Criterion, ErrorEstimate, Goal, Round, run_adaptive, run_adaptive_while};
+pub use asked::{surfaces_in_view, view_weights};
 pub use bounces::bounces;
 pub use bounded::Bounded;
 pub use choice::{Choice, Constants, Wanted};

@@ -18,6 +18,7 @@ use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings, MeshSize, Subdivis
 use radiosity_geometry::{Facets, Scene};
 
 use crate::plan::Plan;
+use crate::thin::PILOT_RAYS;
 use crate::{DirectLight, Geometry, LINK_ERROR, Method, RunError, Shape, Store, Strategy};
 
 /// Vectors of all bands alive at once: the system, the iterate, the answer and what checks it.
@@ -34,6 +35,9 @@ const HIT: u64 = 230;
 const EMITTERS: u64 = 110;
 /// Bytes an element of item buffers.
 const HEMICUBE: u64 = 1250;
+/// Bytes an element of what says which pairs were dropped and bounds what they carried, beside vectors; and vectors of all bands in it.
+const THINNED: u64 = 300;
+const VECTORS_OF_THINNED: u64 = 12;
 /// Links of 10⁴ elements at [`USUAL_ERROR`], and the power of the number of elements and of the error by which they grow.
 const LINKS: f64 = 8e4;
 const LINK_GROWTH: (f64, f64) = (0.65, -1.3);
@@ -151,7 +155,10 @@ pub fn predict(size: &Size, strategy: &Strategy) -> Prediction {
         },
         stored_bytes,
         mesh_bytes,
-        peak_bytes: peak_bytes.into_iter().fold(stored_bytes, u64::saturating_add),
+        peak_bytes: peak_bytes
+            .into_iter()
+            .fold(stored_bytes, u64::saturating_add)
+            .max(mesh_bytes + before_filling(size, strategy)),
     }
 }
 
@@ -180,7 +187,19 @@ fn workspace(size: &Size, strategy: &Strategy) -> u64 {
         _ if strategy.samples() => VECTORS + VECTORS_OF_SAMPLING,
         _ => VECTORS,
     };
-    size.elements * (8 * size.bands * vectors + estimator_bytes(strategy))
+    let thinned = if strategy.thins().is_some() {
+        // The elements end the rays of its pilot.
+        THINNED + 8 * size.bands * VECTORS_OF_THINNED + HIT + EMITTERS
+    } else {
+        0
+    };
+    size.elements * (8 * size.bands * vectors + estimator_bytes(strategy) + thinned)
+}
+
+/// Bytes beyond those of the mesh that are taken before the store is filled: the pilot of dropped pairs, its rows held and copied where they grow.
+fn before_filling(size: &Size, strategy: &Strategy) -> u64 {
+    let rows = if strategy.thins().is_some() { 2 * 12 * u64::from(PILOT_RAYS) } else { 0 };
+    if rows > 0 { size.elements * rows + workspace(size, strategy) } else { 0 }
 }
 
 /// Bytes that the estimator keeps for each element.

@@ -110,6 +110,11 @@ impl<'a> Solved<'a> {
     /// [`RunError`] as [`crate::run`], and if the store of `strategy` holds nothing.
     pub fn new(scene: &'a Scene, strategy: &Strategy, observer: &mut dyn Observer) -> Result<Self, RunError> {
         strategy.check()?;
+        if strategy.thin.is_some() {
+            // Which pairs are small is a matter of light, and that changes.
+            let instead = "leave out the error of small pairs, or solve the changed scene anew";
+            return Err(RunError::Thin { what: "kept for a change of the scene", instead });
+        }
         crate::admit(scene, strategy)?;
         let clock = Instant::now();
         let geometry = Geometry::of_strategy(scene, strategy)?;

@@ -14,13 +14,14 @@ use radiosity_form_factors::repair::RepairError;
 use radiosity_form_factors::stores::{DenseFormFactors, Held, aggregate_sources};
 use radiosity_geometry::mesh::MeshError;
 use radiosity_geometry::{CompareError, Scene};
+use radiosity_render::Camera;
 use radiosity_solvers::{NAMES, STOCHASTIC, seeded};
 
+use crate::asked::Asked;
 use crate::bounces::solve_until;
 use crate::bounded::{Bounded, Missed};
 use crate::estimate::{Filled, fill};
 use crate::hierarchical::{HierarchicalReport, solve_by_links};
-use crate::importance::is_asked;
 use crate::plan::{Omissions, Plan, Savings, follow};
 use crate::predict::{Alternative, Bytes, admit};
 use crate::thin::{self, Thinned, fill_thinned};
@@ -117,6 +118,16 @@ pub enum RunError {
     /// Rows that count arrivals by way of specular surfaces do not sum to 1.
     #[error("form factors with specular bounces are not repaired: their rows need not sum to 1; leave out the repair")]
     RepairExtended,
+    /// Pairs that are not dropped one by one.
+    #[error(
+        "small pairs are left out of form factors of the analytic method in the full form that are held and used once; these are {what}: {instead}"
+    )]
+    Thin {
+        /// What stands in the way.
+        what: &'static str,
+        /// What to do.
+        instead: &'static str,
+    },
     /// An asked error that cannot be asked.
     #[error("the tolerance is {value}; it must lie in (0, 1)")]
     Tolerance {
@@ -207,7 +218,7 @@ impl Run<'_> {
         (self.meshing.time + self.form_factors.time + self.solution.time).as_secs_f64()
     }
 
-    /// Bound of the rms change of irradiance by all bounded omissions, relative to its mean level, over the surfaces asked for; `None` if one has no bound.
+    /// Bound of the rms change of irradiance by all bounded omissions, relative to its mean level, over what is asked for; `None` if one has no bound.
     pub fn bounded_error(&self) -> Option<f64> {
         self.bounded.iter().try_fold(0.0, |sum, omission| Some(sum + omission.bound?))
     }
@@ -299,7 +310,9 @@ pub fn run_planned<'a>(
 ) -> Result<Run<'a>, RunError> {
     strategy.check()?;
     if plan.omits() {
-        return follow(plan, geometry, meshing, strategy, observer);
+        return thin::held(strategy, geometry, |strategy, geometry| {
+            follow(plan, geometry, meshing, strategy, observer)
+        });
     }
     run_meshed(geometry, meshing, strategy, observer)
 }
@@ -320,11 +333,13 @@ pub fn run_meshed<'a>(
         let made = solve_by_links(&geometry, strategy, (error, direct), observer)?;
         return Ok(made.run(geometry, meshing));
     }
-    let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
-    let (store, known) = fill_thinned(&geometry, rows, unblocked(strategy.method), strategy)?;
-    let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
-    drop(store);
-    Ok(made.run(geometry, meshing))
+    thin::held(strategy, geometry, |strategy, geometry| {
+        let rows = crate::rows(&geometry, strategy.method, strategy.shape.form(), strategy.seed)?;
+        let (store, known) = fill_thinned(&geometry, rows, unblocked(strategy.method), strategy)?;
+        let made = solve_stored(&geometry, store.store(), known, strategy, None, observer)?;
+        drop(store);
+        Ok(made.run(geometry, meshing))
+    })
 }
 
 /// Forecasts a run of `strategy` without making it: computes its form factors, with nothing left out, and solves nothing. At least one product is spent; the phase is
@@ -379,8 +394,8 @@ pub(crate) struct Made {
     hierarchical: Option<HierarchicalReport>,
     pub(crate) left_out: Savings,
     pub(crate) missed: Vec<Missed>,
-    /// Surfaces whose error bounds are to be of, if not all.
-    asked: Option<Vec<u32>>,
+    /// What error bounds are to be of, if not of everything.
+    asked: (Option<Vec<u32>>, Option<Camera>),
     pub(crate) solution: Solution,
 }
 
@@ -404,7 +419,7 @@ impl Made {
             hierarchical: None,
             left_out: Savings::default(),
             missed: Vec::new(),
-            asked: None,
+            asked: (None, None),
             solution,
         }
     }
@@ -421,7 +436,8 @@ impl Made {
 
     pub(crate) fn run(self, geometry: Geometry<'_>, meshing: Phase) -> Run<'_> {
         let h = &self.solution.irradiance;
-        let relative = |missed: Missed| missed.relative_to(&geometry, self.asked.as_deref(), h);
+        let named = (self.asked.0.as_deref(), self.asked.1.as_ref());
+        let relative = |missed: Missed| missed.relative_to(&geometry, named, h);
         let bounded = self.missed.into_iter().map(relative).collect();
         Run {
             geometry,
@@ -529,7 +545,7 @@ pub(crate) fn solve_stored(
         }
         _ => with_system(geometry, store, form, |system| {
             let forecast = foresee(system, strategy)?;
-            let asked = is_asked(strategy.asked.as_deref(), &geometry.surfaces());
+            let asked = Asked::of(geometry, strategy.named());
             let (mut solution, unfollowed) = solve_until(system, &asked, strategy, observer, from)?;
             let (dropped, cost) = thin::missed(system, &thinned, &solution.radiosity, strategy)?;
             solution.verification += cost;
@@ -548,7 +564,7 @@ pub(crate) fn solve_stored(
         Check::Find(..) => None,
     };
     let stored_bytes = held + patch_bytes;
-    let asked = strategy.asked.clone();
+    let asked = (strategy.asked.clone(), strategy.view.clone());
     Ok(Made { form_factors, stored_bytes, checked, repair, forecast, missed, asked, ..Made::of_solution(solution) })
 }
 

@@ -5,6 +5,7 @@ use radiosity_form_factors::analytic::PartialVisibility;
 #[cfg(doc)]
 use radiosity_form_factors::ray_cast::RayCast;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use radiosity_render::Camera;
 use radiosity_solvers::STOCHASTIC;
 
 use crate::plan::Omissions;
@@ -238,8 +239,11 @@ pub struct Strategy {
     pub omit: Omissions,
     /// Surfaces whose solution is asked for, ascending; all of them if `None`.
     pub asked: Option<Vec<u32>>,
-    /// rms error of irradiance, relative to its level, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the full shape and a
-    /// store that holds them, and nothing elsewhere.
+    /// Camera whose picture alone is asked for, of the surfaces asked for if they are named as well: errors count by what its pixels show of them
+    /// ([`crate::bounded`]).
+    pub view: Option<Camera>,
+    /// rms error of irradiance, relative to its mean level over what is asked for, that dropping small pairs may cause, see [`crate::bounded`]; of exact pairs in the
+    /// full shape and a store that holds them, and nothing elsewhere ([`Strategy::check_thinning`]).
     pub thin: Option<f64>,
     /// rms error of irradiance, relative to its level, that bounces which are not followed may cause; the solver stops by it or by
     /// `unshot`, whichever is first.
@@ -266,6 +270,7 @@ impl Strategy {
             memory: None,
             omit: Omissions::NONE,
             asked: None,
+            view: None,
             thin: None,
             bounces: None,
         }

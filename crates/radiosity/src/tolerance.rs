@@ -3,7 +3,7 @@
 //! The error of piecewise constant elements falls like the element size h, or like h^½ where shadows are sharp, so the
 //! difference between the answers on h and h/2 estimates the error on h and lies above the error on h/2 in either case
 //! but the worst, in which it is 0.4 of it. What was left out within an error ([`crate::bounded`]) adds its bound, and links
-//! ([`crate::Store::Hierarchical`]), which err alike on both meshes, add their own; where only some surfaces are asked for,
+//! ([`crate::Store::Hierarchical`]), which err alike on both meshes, add their own; where only some surfaces or a view are asked for,
 //! the difference is theirs. What is *not* here: refinement where the error sits ([`crate::adaptive`]).
 
 use radiosity_core::Cost;
@@ -21,7 +21,7 @@ pub struct ToleranceStep {
     pub elements: usize,
     /// What the run on this mesh took.
     pub cost: Cost,
-    /// Difference from the refinement before, over the report grid of what is asked for.
+    /// Difference from the refinement before, over the report grid of what is asked for, or over the pixels of the view.
     pub difference: Option<ErrorMeasure>,
     /// Bound of what was left out, see [`Run::bounded_error`]; infinite if there is none.
     pub left_out: f64,
@@ -85,7 +85,11 @@ pub fn run_to_tolerance_while<'a>(
         let mut strategy = strategy.clone();
         strategy.mesh.elements = Subdivision::Uniform(subdivision);
         let run = run(scene, &strategy, &mut ())?;
-        let mut grid = GridValues::means(&run.geometry, &run.solution.irradiance, report_grid)?;
+        let h = &run.solution.irradiance;
+        let mut grid = match &strategy.view {
+            Some(camera) => GridValues::seen(&run.geometry, h, camera),
+            None => GridValues::means(&run.geometry, h, report_grid)?,
+        };
         if let Some(asked) = &strategy.asked {
             grid = grid.on(asked);
         }

@@ -21,7 +21,9 @@ use crate::{Failure, Verdict, choice, memory, plan};
 /// Computes form factors and solves.
 pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdict, Failure> {
     let scene = &imported.scene;
-    if let Some(wanted) = choice::wanted(args, scene)
+    // Candidates are ways to the error of all surfaces.
+    if !args.plan.ask_view
+        && let Some(wanted) = choice::wanted(args, scene)
         && let Some(chosen) = choice::choose(args, scene, &wanted)?
     {
         return on_chosen(args, imported, chosen);
@@ -30,11 +32,11 @@ pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdi
     let program = memory::program();
     let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
+    let (asked, view) = (plan::asked(&args.plan, scene)?, plan::view(&args.plan, scene)?.map(|view| view.camera));
     // Linear shading joins the irradiance of neighbours, and wants it of all.
-    let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && !args.plan.ask.is_empty());
-    let asked = plan::asked(&args.plan, scene)?;
+    let whole = specular || args.tolerance.is_some() || (args.shading == Shading::Linear && asked.is_some());
     let omit = if whole { Omissions::NONE } else { plan::omissions(&args.plan) };
-    let planned = |strategy: Strategy| Strategy { omit, asked: asked.clone(), ..strategy };
+    let planned = |strategy: Strategy| Strategy { omit, asked: asked.clone(), view: view.clone(), ..strategy };
     // Which store is taken is a matter of what is computed once, for one scene.
     let choose = args.store.is_none() && args.tolerance.is_none() && !specular;
     let before = admitted(args, scene, mesh, &planned, choose)?;
@@ -58,6 +60,9 @@ pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdi
     let reason = choice.map(|choice| choice.reason);
     let meshing = Phase { time: clock.elapsed(), ..Phase::default() };
     strategy.check()?;
+    if args.thin_error.is_some() && !args.plan.keep_everything {
+        strategy.check_thinning()?;
+    }
     if args.common.dry_run {
         let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
         // Refinement makes meshes of its own.

@@ -54,11 +54,15 @@ pub(super) fn to_tolerance<'a>(
     if args.solver.is_none() {
         "gauss-seidel".clone_into(&mut gathering.solver);
     }
-    if args.repair || strategy.store != Store::Dense || gathering.check().is_err() {
+    // Pairs are dropped in the full form.
+    let whole = args.repair || args.thin_error.is_some() || strategy.store != Store::Dense;
+    if whole || gathering.check().is_err() {
         let done = run_to_tolerance(scene, strategy, tolerance, report_grid, MOST_ELEMENTS)?;
         return Ok((done.run, Way::Refined(Refinement::Uniform(done.steps, done.met))));
     }
-    let mut adaptive = Adaptive { most_elements: MOST_ELEMENTS, ..Adaptive::new(Goal::Cells(report_grid), tolerance) };
+    // A picture shows points.
+    let goal = if strategy.view.is_some() { Goal::Points } else { Goal::Cells(report_grid) };
+    let mut adaptive = Adaptive { most_elements: MOST_ELEMENTS, ..Adaptive::new(goal, tolerance) };
     if let Some(cells) = args.mesh.patch_subdivide {
         adaptive = adaptive.from_cells(cells);
     }

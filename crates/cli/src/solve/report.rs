@@ -31,6 +31,7 @@ pub(super) fn finish(
     object["scene"] = output::import(&imported.report);
     object["left_out"] = plan::with_bounded(plan::json(&run.left_out), &run.bounded);
     object["left_out_error"] = run.bounded_error().into();
+    object["view"] = plan::view(&args.plan, &imported.scene)?.map(|view| view.json()).into();
     object["plan_off"] = plan_off(args, strategy, file, &way).into();
     let mut lines = summary(strategy, file, run);
     lines.extend(plan::lines(&run.left_out));

@@ -10,9 +10,10 @@ use super::{Held, assert_factors};
 /// S_ij = K_ij + d_i d_j / D,      d_i = A_i − Σ_j K_ij,      D = Σ_j d_j
 /// ```
 ///
-/// with K what was kept of a closed scene. So S is symmetric to the last bit, not negative, and its rows sum to A_i. A row of K that lost
+/// with K what was kept. So S is symmetric to the last bit, not negative, and the rows of a closed scene sum to A_i; in an open one d_i is a share of A_i − Σ_j K_ij,
+/// as what is missing may be what never arrived. A row of K that lost
 /// d_i gets as much back from the mean of x over what was lost, Σ_j d_j x_j / D, instead of from where it came: what that
-/// changes is bounded by what was lost, times how much x varies there. Elements that K leaves in separate groups have a D each, since what
+/// changes is bounded by what was lost, times how much x varies there ([`Thinning::carried`](crate::Thinning::carried)). Elements that K leaves in separate groups have a D each, since what
 /// a closed partition parts must stay dark.
 ///
 /// *Why not otherwise*: scaling ([`crate::repair`]) changes direct light, where an error counts most, and takes tens of products; what was lost
@@ -38,7 +39,8 @@ pub struct GivenBack {
 }
 
 impl ThinnedFormFactors {
-    /// Gives the rows of `kept` the sums `areas` again, no row more than it can have lost.
+    /// Gives the rows of `kept` this share of what they miss of the sums `areas`, no row more than of what it can have lost: all of it in a closed scene, in
+    /// which what is missing was lost; in an open one half of it halves what it may be wrong by.
     ///
     /// # Errors
     ///
@@ -46,14 +48,15 @@ impl ThinnedFormFactors {
     ///
     /// # Panics
     ///
-    /// If the store is not symmetric, or there is not an area and a largest loss of every element.
-    pub fn new(kept: Box<dyn Held>, areas: &[f64], lost: &[f64]) -> Result<(Self, Cost), StoreError> {
+    /// If the store is not symmetric, there is not an area and a largest loss of every element, or the share is not in (0, 1].
+    pub fn new(kept: Box<dyn Held>, areas: &[f64], lost: &[f64], share: f64) -> Result<(Self, Cost), StoreError> {
         let m = kept.sources();
         assert!(kept.properties().symmetric, "only pairs are dropped in both of their rows");
         assert_eq!((areas.len(), lost.len()), (m, m), "an area and a largest loss of every element");
+        assert!(share > 0.0 && share <= 1.0, "a share of what was lost, not {share}");
         let (ones, mut given) = (vec![1.0; m], vec![0.0; m]);
         let mut cost = kept.gather(Bands::new(&ones, m), BandsMut::new(&mut given, m))?;
-        given.iter_mut().zip(areas).zip(lost).for_each(|((d, area), lost)| *d = (area - *d).clamp(0.0, *lost));
+        given.iter_mut().zip(areas).zip(lost).for_each(|((d, area), lost)| *d = share * (area - *d).clamp(0.0, *lost));
         let (group, spent) = groups(&*kept)?;
         cost += spent;
         Ok((Self { kept, given: GivenBack::new(given, group) }, cost))
@@ -75,6 +78,12 @@ impl GivenBack {
         }
         let rates = sums.into_iter().map(|sum| if sum > 0.0 { 1.0 / sum } else { 0.0 }).collect();
         Self { given, group, rates, largest }
+    }
+
+    /// What rows would get back if all elements were one group.
+    pub fn to_all(given: Vec<f64>) -> Self {
+        let group = vec![0; given.len()];
+        Self::new(given, group)
     }
 
     /// d_i: what each row got back.

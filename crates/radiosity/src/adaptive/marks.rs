@@ -16,7 +16,7 @@ use glam::DVec3;
 use radiosity_core::Solution;
 use rayon::prelude::*;
 
-use super::measure::{asked_areas, level, patch_means};
+use super::measure::{level, patch_means};
 use super::shadows::crossed;
 use super::variation::Variation;
 use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
@@ -57,7 +57,7 @@ pub(super) fn marks(
     let cut_patches = estimate.senders > share * adaptive.tolerance;
 
     // Elements, of what is asked for.
-    let asked = asked_areas(state);
+    let asked = state.asked.squares();
     let mut cut: Vec<usize> = match adaptive.criterion {
         Criterion::Gradient(share) => {
             let most = geometry.reflectance().values().iter().copied().fold(0.0, f64::max);

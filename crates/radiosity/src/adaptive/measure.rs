@@ -20,7 +20,7 @@
 //! senders        ⟨δ²⟩_W^½ + ( (a − 1) Σ A (Y − W) / A_W ⟨δ²⟩_(Y−W) )^½      = a ⟨δ²⟩^½ if all are asked for
 //! ```
 //!
-//! The total adds
+//! In a view a ⟨s²⟩ (`asked.rs`) takes the place of A, and ⟨s H⟩ that of ⟨H⟩. The total adds
 //! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and shadows that no element has seen.
 
 use radiosity_core::{BandValues, Form, Solution, StoreError};
@@ -31,7 +31,6 @@ use rayon::prelude::*;
 use super::variation::Variation;
 use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
-use crate::importance::is_asked;
 use crate::{Method, RunError};
 
 /// Probes, and rays of each: few tell what senders cost, in which their noise cancels, more what that of other rows is.
@@ -59,21 +58,9 @@ impl ErrorEstimate {
     }
 }
 
-/// Areas of the elements that are asked for, 0 for the others.
-pub(super) fn asked_areas(state: &State<'_>) -> Vec<f64> {
-    let areas = state.geometry.elements().areas();
-    areas.into_iter().zip(state.is_asked()).map(|(area, asked)| if asked { area } else { 0.0 }).collect()
-}
-
-/// ⟨H⟩ over the area that is asked for and the bands, and that area.
+/// ⟨H⟩ over what is asked for and the bands, and how much that is: an area, or 1 of a picture.
 pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
-    let areas = asked_areas(state);
-    let mesh = state.geometry.mesh();
-    let surfaces: Vec<u32> = mesh.elements.iter().map(|element| element.surface).collect();
-    let asked = is_asked(state.asked.as_deref(), &surfaces);
-    let total: f64 = mesh.areas().iter().zip(asked).filter(|(_, asked)| *asked).map(|(area, _)| area).sum();
-    let sum: f64 = (0..h.count()).flat_map(|b| areas.iter().zip(h.band(b)).map(|(a, h)| a * h)).sum();
-    (sum / (h.count() as f64 * total), total)
+    (state.asked.level(h), state.asked.total)
 }
 
 /// Area of a report cell on the surface of every exposed element.
@@ -93,7 +80,7 @@ pub(super) fn measure(
     adaptive: &Adaptive,
     seed: u64,
 ) -> Result<ErrorEstimate, RunError> {
-    let (areas, asked) = (state.geometry.elements().areas(), asked_areas(state));
+    let (areas, asked) = (state.geometry.elements().areas(), state.asked.squares());
     let (level, total) = level(state, &solved.irradiance);
     if level == 0.0 {
         return Ok(ErrorEstimate { solver: Some(0.0), ..ErrorEstimate::default() });
@@ -111,7 +98,8 @@ pub(super) fn measure(
     let noisy = !matches!(state.method, Method::Analytic { .. });
     let elements = (inside / total).sqrt() / level;
     let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
-    // What is asked for, and what it sees by its importance.
+    // What is asked for, in the units of its importance, and what it sees by that.
+    let asked: Vec<f64> = state.asked.weights(&areas).iter().zip(&areas).map(|(w, area)| w * area).collect();
     let indirect: Option<Vec<f64>> = worth.map(|worth| {
         let beyond = areas.iter().zip(&asked).zip(worth).map(|((area, asked), worth)| area * worth - asked);
         beyond.map(|area| area.max(0.0)).collect()
@@ -126,11 +114,14 @@ pub(super) fn measure(
         None => reflected * near.senders.sqrt(),
         Some(weights) => near.senders.sqrt() + ((reflected - 1.0).max(0.0) * share(weights) * far.senders).sqrt(),
     };
+    let shade = state.asked.shade();
+    // In a picture as if it were the same everywhere.
+    let spread_over = if state.asked.is_view() { areas.iter().sum::<f64>() / shade } else { total };
     Ok(ErrorEstimate {
         elements,
-        senders: senders / level,
-        form_factors: noisy.then(|| near.rows.sqrt() / level),
-        solver: solved.bound().map(|bound| bound * emitted / (total * level * solved.radiosity.count() as f64)),
+        senders: shade * senders / level,
+        form_factors: noisy.then(|| shade * near.rows.sqrt() / level),
+        solver: solved.bound().map(|bound| bound * emitted / (spread_over * level * solved.radiosity.count() as f64)),
     })
 }
 

@@ -13,8 +13,8 @@
 //! patch is cut where it is too large for those it lights: of a pairwise estimator the columns of its parts are new work, of a row-wise one the
 //! rows that see it are computed again, with the same rays. Both are counted ([`Round`]).
 //!
-//! Where only some surfaces are asked for ([`Strategy::asked`]), the error is that of theirs, and what other elements err by counts by its importance to them
-//! ([`Importance`]): elsewhere the mesh stays as coarse as light needs.
+//! Where only some surfaces are asked for ([`Strategy::asked`]) or a view of them ([`Strategy::view`]), the error is that of theirs or of the picture, and what other
+//! elements err by counts by its importance to them ([`Importance`]): elsewhere the mesh stays as coarse as light needs.
 //!
 //! The error is estimated in parts, see [`ErrorEstimate`]. What is *not* here: uniform refinement ([`crate::run_to_tolerance`]), and links between
 //! levels.
@@ -31,11 +31,13 @@ use radiosity_form_factors::stores::{MovableFormFactors, Source};
 use radiosity_form_factors::{Receivers, Rows};
 use radiosity_geometry::mesh::{MAX_LEVEL, Mesh, MeshSettings, Origin, Subdivision};
 use radiosity_geometry::{Facets, Scene};
+use radiosity_render::Camera;
 
+use crate::asked::Asked;
 use crate::bounces::omission;
 use crate::bounded::{Bounded, largest};
 use crate::estimate::{build, patch_rows};
-use crate::importance::{Importance, exposed, is_asked, largest_of, weights};
+use crate::importance::{Importance, largest_of};
 use crate::run::{allowed, named};
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
 
@@ -231,8 +233,10 @@ struct State<'a> {
     store: MovableFormFactors,
     method: Method,
     seed: u64,
-    /// Surfaces asked for, some of them exposed, if not all are.
-    asked: Option<Vec<u32>>,
+    /// What is asked for on the mesh there is.
+    asked: Asked,
+    /// Surfaces and camera that it is named by, if that is not everything.
+    named: Option<(Option<Vec<u32>>, Option<Camera>)>,
     /// Elements that the first mesh would have beside its own if all were.
     coarse: u64,
     /// B to start from.
@@ -252,23 +256,26 @@ impl<'a> State<'a> {
         let cells = adaptive.cells;
         // Every part of a cell that a contact cuts is a patch of its own: light does not pass a partition within one.
         let mut geometry = Geometry::new(scene, &MeshSettings { elements: cells, patches: None, contacts: true })?;
-        let (asked, mut coarse) = (exposed(strategy.asks(), &geometry.surfaces()).map(<[u32]>::to_vec), 0);
+        let asks = strategy.asks() && Asked::some(&geometry, strategy.named()).is_some();
+        let named = asks.then(|| (strategy.asked.clone(), strategy.view.clone()));
+        let (surfaces, mut coarse) = (strategy.asked_surfaces(scene).filter(|_| asks), 0);
         for _ in 0..adaptive.level.max(adaptive.nesting(&geometry)) {
-            let surfaces: Vec<u32> = geometry.mesh().elements.iter().map(|element| element.surface).collect();
-            let some = is_asked(asked.as_deref(), &surfaces);
+            let is_asked = |surface: u32| surfaces.as_ref().is_none_or(|all| all.binary_search(&surface).is_ok());
+            let some: Vec<bool> = geometry.mesh().elements.iter().map(|element| is_asked(element.surface)).collect();
             let left = some.iter().filter(|asked| !**asked).count() as u64;
             // Each would be four, as would those that are missing already.
             coarse = 4 * coarse + 3 * left;
             geometry = geometry.on(geometry.mesh().refined(&some).mesh);
         }
         let mut state = Self {
+            asked: asked_on(&geometry, named.as_ref()),
+            named,
             geometry,
             ledger: Facets::new(),
             numbers: Vec::new(),
             store: MovableFormFactors::default(),
             method: strategy.method,
             seed: strategy.seed,
-            asked,
             coarse,
             start: None,
             round: Round {
@@ -363,14 +370,9 @@ impl<'a> State<'a> {
         largest(&self.geometry.reflectance()).into_iter().fold(0.0, f64::max)
     }
 
-    /// Whether each exposed element is asked for.
-    fn is_asked(&self) -> Vec<bool> {
-        is_asked(self.asked.as_deref(), &self.geometry.surfaces())
-    }
-
-    /// What an error of the irradiance of each element is worth; `None` if all surfaces are asked for alike.
+    /// What an error of the irradiance of each element is worth; `None` if everything is asked for alike.
     fn worth(&mut self, strategy: &Strategy) -> Result<Option<Vec<f64>>, RunError> {
-        if self.asked.is_none() {
+        if self.named.is_none() {
             return Ok(None);
         }
         let (emission, reflectance) = (self.geometry.emission(), self.geometry.reflectance());
@@ -378,7 +380,7 @@ impl<'a> State<'a> {
         let form = Shape::ElementsToPatches.form();
         let system = System::substructured(&self.store, form, &areas, parent, emission.view(), reflectance.view())?;
         let stop = StopRule::unshot(WORTH).unverified();
-        let (importance, solved) = Importance::new(&system, &weights(&self.is_asked()), &strategy.solver, &stop)?;
+        let (importance, solved) = Importance::new(&system, &self.asked.weights(&areas), &strategy.solver, &stop)?;
         self.solving.cost += solved.cost;
         self.solving.time += solved.time;
         Ok(Some(largest_of(&importance.of_irradiance)))
@@ -411,6 +413,7 @@ impl<'a> State<'a> {
         self.method = plan.method;
         let next = self.geometry.on(plan.mesh);
         let geometry = std::mem::replace(&mut self.geometry, next);
+        self.asked = asked_on(&self.geometry, self.named.as_ref());
 
         // Exposed elements and patches in terms of those of the mesh before.
         let places = |of: &[u32], count: usize| {
@@ -469,9 +472,12 @@ impl<'a> State<'a> {
 
     /// What was left out within the tolerance; its bounds are parts of the estimate.
     fn bounded(&self, solution: &Solution, strategy: &Strategy, tolerance: f64) -> Vec<Bounded> {
-        let coarse = self.asked.as_ref().map(|_| Bounded {
-            reason: "what they err by counts by its importance to the faces asked for",
-            what: "refinement to the report of faces not asked for".to_owned(),
+        let coarse = self.named.as_ref().map(|(_, view)| Bounded {
+            reason: "what they err by counts by its importance to what is asked for",
+            what: match view {
+                Some(_) => "refinement that the view does not show".to_owned(),
+                None => "refinement to the report of faces not asked for".to_owned(),
+            },
             counted: "rows",
             predicted: self.coarse,
             measured: None,
@@ -484,6 +490,12 @@ impl<'a> State<'a> {
             .map(|error| Bounded { bound: estimate, ..omission(strategy, self.reflectance(), error, solution.steps) });
         coarse.into_iter().chain(bounces).collect()
     }
+}
+
+/// What is named, or everything, on a mesh.
+fn asked_on(geometry: &Geometry<'_>, named: Option<&(Option<Vec<u32>>, Option<Camera>)>) -> Asked {
+    let named = named.map_or((None, None), |(asked, view)| (asked.as_deref(), view.as_ref()));
+    Asked::new(geometry, named)
 }
 
 /// Error of the elements, in units of the tolerance, below which the mesh is nearly as fine as it has to be.

@@ -11,6 +11,7 @@ use radiosity_form_factors::{Numbers, PairwiseRows, Rows, SelectedRows};
 use radiosity_geometry::Facets;
 
 use super::{Band, BandPlan, Plan, Role};
+use crate::bounded::By;
 use crate::estimate::{analytic, ends};
 use crate::hierarchical::solve_by_links;
 use crate::run::{Check, Known, Made, solve_stored, unblocked};
@@ -73,17 +74,42 @@ pub(crate) fn follow<'a>(
         let mut made = solve_part(plan, &geometry, (&part, &all), strategy, &chosen, observer)?;
         let clock = Instant::now();
         made.checked = made.checked.map(|checked| checked.renamed(all.ends(strategy.shape.form())));
-        let mut irradiance = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.irradiance);
+        let h = &made.solution.irradiance;
+        let mut irradiance = spread(&plan.bands, &all.elements, surfaces.len(), h);
+        // What black elements gather is off by what the light of the others is off by.
+        let reflectance = part.reflectance();
+        let mut sent = vec![made.solution.radiosity.clone()];
+        let bounds = made.missed.iter_mut().filter_map(|missed| missed.by.as_mut());
+        let mut bounds: Vec<&mut By> = bounds.collect();
+        for by in &mut bounds {
+            let mut reflected = by.values.clone();
+            let of_element = reflected.values_mut().iter_mut().zip(reflectance.values());
+            of_element.for_each(|(by, rho)| *by = if *rho > 0.0 { *by * rho } else { 0.0 });
+            sent.push(reflected);
+            by.values = spread(&plan.bands, &all.elements, surfaces.len(), &by.values);
+        }
         for room in plan.lit_rooms() {
             let in_this_room = |s: usize| plan.room[s] == room;
             let in_room = |s: usize, role: Role| in_this_room(s) && plan.roles[s] == role;
             let black = chosen(&|s| in_room(s, Role::Receives));
             let senders = chosen(&|s| in_room(s, Role::Exchanges));
             if !black.is_empty() {
-                let (h, cost) = gathered(&geometry, &all, (&black, senders), &in_this_room, &made.solution, strategy)?;
+                let (found, cost) = gathered(&geometry, &all, (&black, senders), &in_this_room, &sent, strategy)?;
                 made.solution.cost += cost;
-                fill_in(&plan.bands, &black, &h, &mut irradiance);
+                let all = std::iter::once(&mut irradiance).chain(bounds.iter_mut().map(|by| &mut by.values));
+                found.iter().zip(all).for_each(|(found, all)| fill_in(&plan.bands, &black, found, all));
             }
+        }
+        // The square of all is that of the unknowns, and no more than that of their light again.
+        let black = plan.roles.contains(&Role::Receives);
+        let rho = reflectance.values().iter().copied().fold(0.0, f64::max);
+        let more = if black { 1.0 + rho * rho } else { 1.0 };
+        for by in bounds {
+            let of_band = |band: &Band| match *band {
+                Band::Scaled { of, by: factor } => more * factor * factor * by.squares[of],
+                Band::Dark => 0.0,
+            };
+            by.squares = plan.bands.of.iter().map(of_band).collect();
         }
         // What is not in the system emits nothing and reflects nothing of what arrives.
         made.solution.radiosity = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.radiosity);
@@ -92,16 +118,6 @@ pub(crate) fn follow<'a>(
             (0..irradiance.count()).for_each(|b| irradiance.band_mut(b)[blocker as usize] = f64::NAN);
         }
         made.solution.irradiance = irradiance;
-        // What black elements gather is off by no more than the light that senders reflect wrongly.
-        let black = plan.roles.contains(&Role::Receives);
-        let rho = part.reflectance().values().iter().copied().fold(0.0, f64::max);
-        let more = if black { (1.0 + rho * rho).sqrt() } else { 1.0 };
-        for by in made.missed.iter_mut().filter_map(|missed| missed.by.as_mut()) {
-            by.values = spread(&plan.bands, &all.elements, surfaces.len(), &by.values);
-            by.values.values_mut().iter_mut().for_each(|by| *by *= more);
-            // Of black elements it says nothing one by one.
-            by.pointwise &= !black;
-        }
         made.solution.time += clock.elapsed();
         made
     };
@@ -184,33 +200,37 @@ fn solve_part(
     solve_stored(part, &store, known, strategy, None, observer)
 }
 
-/// H of black elements of a room, by the solution of the system.
+/// What black elements of a room gather of each of what is `sent` by the elements of the system.
 fn gathered(
     whole: &Geometry<'_>,
     all: &Selection,
     (black, senders): (&[u32], Vec<u32>),
     in_room: &dyn Fn(usize) -> bool,
-    solution: &Solution,
+    sent: &[BandValues],
     strategy: &Strategy,
-) -> Result<(BandValues, Cost), RunError> {
+) -> Result<(Vec<BandValues>, Cost), RunError> {
     let own = whole.part(&senders, &[], false).among(in_room);
     let selection = Selection::new(whole, &own, senders);
     let facets = whole.elements().select(black);
     let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;
     // What the senders of the room radiate: elements, or means of patches.
-    let b = &solution.radiosity;
     let places = places(&selection.elements, &all.elements);
-    let radiates = (0..b.count()).flat_map(|band| places.iter().map(move |&e| b.band(band)[e as usize]));
-    let mut x = BandValues::new(radiates.collect(), places.len());
+    let of_band = |band: &[f64]| places.iter().map(|&e| band[e as usize]).collect::<Vec<f64>>();
+    let bands = sent.iter().flat_map(|sent| (0..sent.count()).map(|band| sent.band(band)));
+    let mut x = BandValues::new(bands.flat_map(of_band).collect(), places.len());
     if strategy.shape != Shape::Full {
         x = patch_means(&own, x.view());
     }
-    let mut h = BandValues::zeros(b.count(), black.len());
+    let mut h = BandValues::zeros(x.count(), black.len());
     let cost = OnDemand::new(rows, Keep::None).gather(x.view(), h.view_mut())?;
     for band in 0..h.count() {
         h.band_mut(band).iter_mut().enumerate().for_each(|(e, h)| *h /= facets.area(e));
     }
-    Ok((h, cost))
+    let mut values = h.values().chunks_exact(black.len());
+    let of = |sent: &BandValues| {
+        BandValues::new(values.by_ref().take(sent.count()).flatten().copied().collect(), black.len())
+    };
+    Ok((sent.iter().map(of).collect(), cost))
 }
 
 /// Area means over the patches of `own`.

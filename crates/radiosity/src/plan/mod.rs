@@ -111,8 +111,9 @@ impl Plan {
         let mut lit = vec![!omits(Omission::Dark); scene.surfaces.len().max(1)];
         let material = |s: usize| &scene.materials[scene.surfaces[s].material];
         (0..scene.surfaces.len()).for_each(|s| lit[room[s] as usize] |= material(s).emission.iter().any(|&e| e > 0.0));
-        let asked = |s: usize| strategy.asked.as_ref().is_none_or(|asked| asked.binary_search(&(s as u32)).is_ok());
-        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], |s| asked(s) || !omits(Omission::Blockers));
+        let asked = if omits(Omission::Blockers) { strategy.asked_surfaces(scene) } else { None };
+        let asked = |s: usize| asked.as_ref().is_none_or(|asked| asked.binary_search(&(s as u32)).is_ok());
+        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], asked);
         // Where rows are asked for one by one, those of black faces are those of the others.
         if !(omits(Omission::Black) && gathers(strategy)) {
             roles.iter_mut().filter(|role| **role == Role::Receives).for_each(|role| *role = Role::Exchanges);
