@@ -298,7 +298,7 @@ pub fn run_planned<'a>(
     observer: &mut dyn Observer,
 ) -> Result<Run<'a>, RunError> {
     strategy.check()?;
-    if plan.omits() {
+    if plan.may_omit() {
         return follow(plan, geometry, meshing, strategy, observer);
     }
     run_meshed(geometry, meshing, strategy, observer)
