@@ -136,20 +136,35 @@ fn rooms_that_are_no_boxes_have_symmetries() {
         scene_of_loops(&loops, vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 1.0)])
     };
     let trapezium = over(&[[-1.0, 0.0], [1.0, 0.0], [0.4, 0.9], [-0.4, 0.9]]);
-    // The apex first, so that triangles are mapped corner to corner.
-    let triangle = over(&[[0.5, 0.7], [0.0, 0.0], [1.0, 0.0]]);
-    for (scene, k, order) in [(frustum, 4, 8.0), (trapezium, 4, 4.0), (triangle, 4, 2.0)] {
-        let [whole, planned] = both(&scene, &strategy(k));
+    for (scene, order) in [(frustum, 8.0), (trapezium, 4.0)] {
+        let [whole, planned] = both(&scene, &strategy(4));
         let images = whole.cost().form_factors as f64 / planned.cost().form_factors as f64;
         assert!(images > 0.6 * order && images <= order, "{images} of {order}");
     }
 }
 
-/// Triangles whose rule begins at another corner are computed: their copies would be off by the tolerance.
+/// The rule for triangles begins at a corner, which mirrors of a triangle do not keep: copies are off by as much as is asked for.
 #[test]
-fn triangles_that_begin_elsewhere_are_not_copied() {
-    // Across the middle the first corner would come to the second: only floor and ceiling, which is cut the other way round, could change places.
-    uses_none(&over(&[[0.0, 0.0], [1.0, 0.0], [0.5, 0.7]]), &strategy(4));
+fn triangles_are_copied_where_their_first_corners_are_or_rounding_is_asked_for() {
+    let triangle = over(&[[0.0, 0.0], [1.0, 0.0], [0.5, 0.7]]);
+    uses_none(&triangle, &strategy(4));
+    let [whole, planned] = both(&triangle, &Strategy { method: Method::exact(1e-12, 1e-12), ..strategy(4) });
+    let images = whole.cost().form_factors as f64 / planned.cost().form_factors as f64;
+    assert!(images > 3.0 && images <= 4.0, "{images}");
+    // Half a turn about the ridge takes one end of a tent to the other, corner by corner.
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let (floor, roof) = ([at(-1.0, -1.0, 0.0), at(1.0, -1.0, 0.0), at(1.0, 1.0, 0.0), at(-1.0, 1.0, 0.0)], 1.2);
+    let half = |k: usize| {
+        let turned = |v: DVec3| if k == 0 { v } else { at(-v.x, -v.y, v.z) };
+        let end = [at(1.0, -1.0, 0.0), at(-1.0, -1.0, 0.0), at(0.0, -1.0, roof)];
+        let side = [at(1.0, 1.0, 0.0), at(1.0, -1.0, 0.0), at(0.0, -1.0, roof), at(0.0, 1.0, roof)];
+        [(end.map(turned).to_vec(), 0), (side.map(turned).to_vec(), k)]
+    };
+    let loops: Vec<_> = (0..2).flat_map(half).chain([(floor.to_vec(), 0)]).collect();
+    let tent = scene_of_loops(&loops, vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 1.0)]);
+    let [whole, planned] = both(&tent, &strategy(3));
+    let images = whole.cost().form_factors as f64 / planned.cost().form_factors as f64;
+    assert!(images > 1.8 && images <= 2.0, "{images}");
 }
 
 /// 10⁻⁹ of the size moves one corner, or one element's edge: nothing is exact any more.
@@ -167,7 +182,8 @@ fn a_scene_that_is_nearly_symmetric_is_not() {
     let mut askew = faces(DVec3::ZERO, DVec3::ONE, true);
     askew.iter_mut().flatten().filter(|v| **v == DVec3::ONE).for_each(|v| v.x += f64::EPSILON);
     let askew: Vec<_> = (0..).zip(askew).map(|(k, face)| (face, usize::from(k == 5))).collect();
-    let [_, planned] = both(&scene_of_loops(&askew, materials()), &strategy(3));
+    let scene = scene_of_loops(&askew, materials());
+    let [_, planned] = both(&scene, &strategy(3));
     assert_eq!(planned.cost().source_evaluations, 3);
 }
 

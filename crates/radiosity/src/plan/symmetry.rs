@@ -101,15 +101,17 @@ struct Frame {
     high: DVec3,
     /// Distance within which corners are the same.
     near: f64,
+    /// Whether it matters at which corner a loop begins.
+    begins: bool,
 }
 
 impl Frame {
-    fn around(facets: &Facets) -> Option<Self> {
+    fn around(facets: &Facets, begins: bool) -> Option<Self> {
         let corners = facets.iter_polygons().flat_map(|(_, polygon)| polygon.vertices());
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners.fold(none, |(low, high), v| (low.min(*v), high.max(*v)));
         let near = NEAR * low.abs().max(high.abs()).max_element();
-        (high - low).is_finite().then_some(Self { low, high, near })
+        (high - low).is_finite().then_some(Self { low, high, near, begins })
     }
 
     /// Isometries of the box.
@@ -139,7 +141,7 @@ impl Frame {
         }
         // Loops that are no quadrilaterals are cut into such from their first corner on, and all but triangles in one direction.
         let alike = n == 4 || (begin == 0 && (n == 3 || !g.reflects()));
-        alike && runs(g.reflects())
+        (alike || !self.begins) && runs(g.reflects())
     }
 }
 
@@ -255,9 +257,9 @@ impl Found {
     }
 }
 
-/// The group of all isometries that map facets and blockers onto themselves; the identity first.
-fn group(lists: &[&Facets], blockers: &[Polygon]) -> Option<Vec<Found>> {
-    let frame = Frame::around(lists[0])?;
+/// The group of all isometries that map facets and blockers onto themselves; the identity first. `begins` tells whether it matters at which corner a loop begins.
+fn group(lists: &[&Facets], blockers: &[Polygon], begins: bool) -> Option<Vec<Found>> {
+    let frame = Frame::around(lists[0], begins)?;
     let images: Vec<Images<'_>> = lists.iter().map(|facets| Images::new(frame, facets)).collect();
     let walls = Places::new(frame, (0..).zip(blockers).collect());
     let mut looks = MOST_LOOKS * lists.iter().map(|facets| facets.len()).sum::<usize>();
@@ -304,7 +306,8 @@ fn extend(group: &mut Vec<Found>, by: Found) {
 
 /// Which rows of `strategy` between the facets of `geometry` are mirror images of others, if any are.
 pub(super) fn mirrors(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Mirrors> {
-    if !copies(strategy) || !(geometry.blockers().is_empty() || agree(strategy.method)) {
+    let agrees = agrees(strategy.method);
+    if !copies(strategy) || !(geometry.blockers().is_empty() || agrees) {
         return None;
     }
     let (elements, patches) = (geometry.elements(), geometry.patches());
@@ -313,7 +316,7 @@ pub(super) fn mirrors(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Mi
         Shape::ElementsToPatches | Shape::TwoLevel => (vec![elements, patches], 0, 1),
         Shape::PatchesToElements => (vec![elements, patches], 1, 0),
     };
-    let group = group(&lists, geometry.blockers().polygons())?;
+    let group = group(&lists, geometry.blockers().polygons(), !agrees)?;
     let first = |s: usize| {
         let images = group.iter().enumerate().map(|(k, found)| (found.maps[sources][s], k as u32));
         images.min().expect("a group has an identity")
@@ -330,8 +333,8 @@ pub(super) fn copies(strategy: &Strategy) -> bool {
         && strategy.thins().is_none()
 }
 
-/// Whether pairs that something blocks have the value of their mirror images.
-fn agree(method: Method) -> bool {
+/// Whether pairs have the value of their mirror images to rounding, whatever lies between and wherever loops begin: that is asked for.
+fn agrees(method: Method) -> bool {
     match method {
         Method::Analytic { tolerance, partial: PartialVisibility::Exact { tolerance: partial } } => {
             tolerance.max(partial) <= ROUNDING
