@@ -7,8 +7,8 @@
 //! *Which* are looked for: the 48 signed permutations of the axes about the centre of the box around all elements, the symmetries of a cube; not
 //! rotations by other angles, those of a room that stands askew to the axes, of parts of a room, or translations. They are found *on the mesh*: elements are put in a table by their
 //! centroids, and the image of each must be one of them, corner on corner, front on front, to 16 ε of the largest coordinate. With those that hold their products hold
-//! as well, so that a cube takes three looks at its elements and not 48, and with one that does not hold a whole coset is out. O(m) each, and no more than
-//! [`MOST_LOOKS`] · m altogether.
+//! as well, and with one that does not hold a whole coset is out. If g maps a known group onto itself, g h = h' g, one element of each of its orbits tells where all go: a
+//! cube takes two looks at each of its elements, not 48. O(m) each, and no more than [`MOST_LOOKS`] · m looks altogether.
 //!
 //! *Where* they are exact: the estimator must give mirrored pairs the same value. The product and contour rules for whole quadrilaterals do, to rounding (1e-14 of the
 //! smaller area), at any tolerance; those for triangles if the corner that comes first is mapped to the one that comes first. Pairs between which something lies are
@@ -26,7 +26,7 @@ use radiosity_geometry::{Facets, Polygon};
 
 use crate::{Geometry, Method, Shape, Store, Strategy};
 
-/// Looks at elements, for each of them: five that succeed are all there can be, and those that fail are mostly told by a few elements.
+/// Looks at elements, for each of them: no more than five succeed, and those that fail are mostly told by a few elements.
 const MOST_LOOKS: usize = 16;
 /// Error of form factors, asked for, from which on copies of pairs that something blocks agree to rounding.
 const ROUNDING: f64 = 1e-12;
@@ -49,14 +49,13 @@ struct Isometry {
 impl Isometry {
     const IDENTITY: Self = Self { from: [0, 1, 2], turned: [false; 3] };
 
-    /// All 48, those of which fewer make the others first: by falling order.
-    fn all() -> Vec<Self> {
-        let from = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
-        let turned = (0..8).map(|bits| [bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
-        let mut all: Vec<Self> =
-            turned.flat_map(|turned| from.into_iter().map(move |from| Self { from, turned })).collect();
-        all.sort_by_key(|g| std::cmp::Reverse(g.order()));
-        all
+    /// All 48: reflections and what they make, then turns of three axes, then exchanges of two; those before make a group that the next
+    /// ones map onto itself, so that these have to be looked at for one element an orbit.
+    fn all() -> impl Iterator<Item = Self> {
+        let from = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]];
+        from.into_iter().flat_map(|from| {
+            (0..8).map(move |bits| Self { from, turned: [bits & 1 != 0, bits & 2 != 0, bits & 4 != 0] })
+        })
     }
 
     /// First `other`, then this.
@@ -67,30 +66,32 @@ impl Isometry {
         }
     }
 
-    /// How many times it is done until nothing has changed.
-    fn order(self) -> usize {
-        let powers = std::iter::successors(Some(self), |power| Some(self.after(*power)));
-        powers.take_while(|power| *power != Self::IDENTITY).count() + 1
-    }
-
     /// Whether it turns what runs counter-clockwise to clockwise.
     fn reflects(self) -> bool {
         let odd = self.from.iter().enumerate().filter(|(k, axis)| *k == **axis).count() == 1;
         self.turned.into_iter().fold(odd, |odd, turned| odd != turned)
     }
+}
 
-    /// The image of a point; `twice` is 2c.
-    fn of(self, x: DVec3, twice: DVec3) -> DVec3 {
-        let half = 0.5 * twice;
-        let along = |k: usize| {
-            let from = self.from[k];
-            match (self.turned[k], from == k) {
-                (false, true) => x[k],
-                (true, true) => twice[k] - x[k],
-                (turned, false) => half[k] + if turned { half[from] - x[from] } else { x[from] - half[from] },
-            }
-        };
-        DVec3::new(along(0), along(1), along(2))
+/// An isometry about a point.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    from: [usize; 3],
+    signs: DVec3,
+    centre: DVec3,
+    reflects: bool,
+}
+
+impl Motion {
+    fn new(g: Isometry, centre: DVec3) -> Self {
+        let signs = g.turned.map(|turned| if turned { -1.0 } else { 1.0 });
+        Self { from: g.from, signs: signs.into(), centre, reflects: g.reflects() }
+    }
+
+    #[inline]
+    fn of(&self, x: DVec3) -> DVec3 {
+        let way = (x - self.centre).to_array();
+        self.centre + self.signs * DVec3::from(self.from.map(|axis| way[axis]))
     }
 }
 
@@ -101,6 +102,8 @@ struct Frame {
     high: DVec3,
     /// Distance within which corners are the same.
     near: f64,
+    /// Cells of tables in a unit of length.
+    scale: f64,
     /// Whether it matters at which corner a loop begins.
     begins: bool,
 }
@@ -111,7 +114,12 @@ impl Frame {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners.fold(none, |(low, high), v| (low.min(*v), high.max(*v)));
         let near = NEAR * low.abs().max(high.abs()).max_element();
-        (high - low).is_finite().then_some(Self { low, high, near, begins })
+        let scale = CELLS / (high - low).max_element();
+        scale.is_finite().then_some(Self { low, high, near, scale, begins })
+    }
+
+    fn centre(&self) -> DVec3 {
+        0.5 * (self.low + self.high)
     }
 
     /// Isometries of the box.
@@ -120,28 +128,37 @@ impl Frame {
         (0..3).all(|k| (size[k] - size[g.from[k]]).abs() <= 2.0 * self.near)
     }
 
+    #[inline]
     fn same(&self, a: DVec3, b: DVec3) -> bool {
-        (a - b).abs().max_element() <= self.near
+        (a - b).abs().cmple(DVec3::splat(self.near)).all()
     }
 
     /// Whether `g` takes polygon `p` to `q`, with its front if `front`.
-    fn maps(&self, g: Isometry, p: &Polygon, q: &Polygon, front: bool) -> bool {
+    fn maps(&self, g: &Motion, p: &Polygon, q: &Polygon, front: bool) -> bool {
         let (p, q) = (p.vertices(), q.vertices());
         let n = p.len();
-        let image = |k: usize| g.of(p[k], self.low + self.high);
-        let first = image(0);
+        let first = g.of(p[0]);
         let Some(begin) = (q.len() == n).then(|| q.iter().position(|v| self.same(*v, first))).flatten() else {
             return false;
         };
         let runs = |back: bool| {
-            (1..n).all(|k| self.same(image(k), q[if back { (begin + n - k) % n } else { (begin + k) % n }]))
+            let mut at = begin;
+            p[1..].iter().all(|v| {
+                at = match back {
+                    true if at == 0 => n - 1,
+                    true => at - 1,
+                    false if at + 1 == n => 0,
+                    false => at + 1,
+                };
+                self.same(g.of(*v), q[at])
+            })
         };
         if !front {
             return runs(false) || runs(true);
         }
         // Loops that are no quadrilaterals are cut into such from their first corner on, and all but triangles in one direction.
-        let alike = n == 4 || (begin == 0 && (n == 3 || !g.reflects()));
-        (alike || !self.begins) && runs(g.reflects())
+        let alike = n == 4 || (begin == 0 && (n == 3 || !g.reflects));
+        (alike || !self.begins) && runs(g.reflects)
     }
 }
 
@@ -159,42 +176,43 @@ impl<'a> Places<'a> {
         let slots = vec![0; (2 * polygons.len()).next_power_of_two()];
         let mut places = Self { frame, polygons, slots };
         for k in 0..places.polygons.len() {
-            let cell = places.cell(places.polygons[k].1.centroid(), 0.0);
+            let cell = places.cells(places.polygons[k].1.centroid(), 0.0)[0];
             let free = places.probe(cell).find(|slot| places.slots[*slot] == 0).expect("twice as many slots");
             places.slots[free] = k as u32 + 1;
         }
         places
     }
 
-    /// The cell of a point moved by a distance along all axes.
-    fn cell(&self, x: DVec3, by: f64) -> [i64; 3] {
-        let scale = CELLS / (self.frame.high - self.frame.low).max_element();
-        ((x + DVec3::splat(by) - self.frame.low) * scale).to_array().map(|x| x.floor() as i64)
+    /// The first and the last cell along each axis of what is so near a point.
+    #[inline]
+    fn cells(&self, x: DVec3, near: f64) -> [[u32; 3]; 2] {
+        // Cells are counted from 1, so that what is rounded towards zero is rounded down.
+        let (at, near) = ((x - self.frame.low) * self.frame.scale + 1.0, near * self.frame.scale);
+        [at - near, at + near].map(|at| at.to_array().map(|at| at as u32))
     }
 
     /// Slots where polygons of a cell may be, to the first that is free.
-    fn probe(&self, cell: [i64; 3]) -> impl Iterator<Item = usize> + use<> {
-        let [x, y, z] = cell.map(|x| x as u64);
-        let (hash, mask) = (mix(x ^ y.rotate_left(21) ^ z.rotate_left(42)) as usize, self.slots.len() - 1);
+    fn probe(&self, [x, y, z]: [u32; 3]) -> impl Iterator<Item = usize> + use<> {
+        let hash = mix(u64::from(x) ^ u64::from(y) << 21 ^ u64::from(z) << 42) as usize;
+        let mask = self.slots.len() - 1;
         (0..=mask).map(move |k| (hash + k) & mask)
     }
 
     /// What the image of `polygon` belongs to.
-    fn image(&self, g: Isometry, polygon: &Polygon, front: bool) -> Option<u32> {
+    fn image(&self, g: &Motion, polygon: &Polygon, front: bool) -> Option<u32> {
         let frame = &self.frame;
-        let at = g.of(polygon.centroid(), frame.low + frame.high);
-        // Centroids round as corners do. A cell is much larger than that, so that there are seldom two along an axis.
-        let (low, high) = (self.cell(at, -2.0 * frame.near), self.cell(at, 2.0 * frame.near));
-        let in_cell = |cell: [i64; 3]| {
+        let in_cell = |cell: [u32; 3]| {
             let taken = self.probe(cell).map(|slot| self.slots[slot]).take_while(|taken| *taken > 0);
             let mut candidates = taken.map(|k| self.polygons[k as usize - 1]);
             candidates.find(|(_, candidate)| frame.maps(g, polygon, candidate, front)).map(|(of, _)| of)
         };
+        // Centroids round as corners do. A cell is much larger than that, so that there are seldom two along an axis.
+        let [low, high] = self.cells(g.of(polygon.centroid()), 2.0 * frame.near);
         if low == high {
             return in_cell(low);
         }
-        let either = |k: usize| low[k]..=high[k];
-        either(0).flat_map(|x| either(1).flat_map(move |y| either(2).map(move |z| [x, y, z]))).find_map(in_cell)
+        let along = |k: usize| low[k]..=high[k];
+        along(0).flat_map(|x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z]))).find_map(in_cell)
     }
 }
 
@@ -211,34 +229,41 @@ impl<'a> Images<'a> {
     }
 
     /// Where `g` takes every facet, if they are mapped onto themselves; each look is taken from `looks`, and none is left if they have gone.
-    fn of(&self, g: Isometry, looks: &mut usize) -> Option<Vec<u32>> {
+    ///
+    /// Of symmetries h that are known, as maps, `known` has the h' with g h = h' g: where one facet of their orbits goes says where all go.
+    fn of(&self, g: &Motion, known: &[[&[u32]; 2]], looks: &mut usize) -> Option<Vec<u32>> {
         const NONE: u32 = u32::MAX;
         let m = self.facets.len();
         let (mut map, mut taken) = (vec![NONE; m], vec![false; m]);
         for k in (0..STRIDE).flat_map(|begin| (begin..m).step_by(STRIDE)) {
-            *looks = looks.checked_sub(1)?;
-            let polygons = self.facets.polygons(k);
-            for polygon in polygons {
-                let image = self.places.image(g, polygon, true)?;
-                if map[k] == NONE {
-                    map[k] = image;
-                }
-                if map[k] != image {
-                    return None;
-                }
-            }
-            let image = map[k] as usize;
-            if polygons.is_empty() {
+            if map[k] != NONE {
                 continue;
             }
-            let alike = self.facets.polygons(image).len() == polygons.len()
-                && self.facets.covered(image) == self.facets.covered(k);
-            if !alike || std::mem::replace(&mut taken[image], true) {
+            *looks = looks.checked_sub(1)?;
+            let polygons = self.facets.polygons(k);
+            let Some((first, others)) = polygons.split_first() else {
+                // What has no polygons is where it was.
+                map[k] = k as u32;
+                continue;
+            };
+            let image = self.places.image(g, first, true)?;
+            let place = image as usize;
+            let alike = self.facets.polygons(place).len() == polygons.len()
+                && self.facets.covered(place) == self.facets.covered(k)
+                && others.iter().all(|polygon| self.places.image(g, polygon, true) == Some(image));
+            if !alike {
                 return None;
             }
+            for [h, partner] in known {
+                let (of, image) = (h[k] as usize, partner[place]);
+                if map[of] == NONE {
+                    map[of] = image;
+                    if std::mem::replace(&mut taken[image as usize], true) {
+                        return None;
+                    }
+                }
+            }
         }
-        // What has no polygons is where it was.
-        map.iter_mut().enumerate().filter(|(_, image)| **image == NONE).for_each(|(k, image)| *image = k as u32);
         Some(map)
     }
 }
@@ -270,8 +295,16 @@ fn group(lists: &[&Facets], blockers: &[Polygon], begins: bool) -> Option<Vec<Fo
         if decided.contains(&g) {
             continue;
         }
-        let blocks = blockers.iter().all(|wall| walls.image(g, wall, false).is_some());
-        let maps = blocks.then(|| images.iter().map(|images| images.of(g, &mut looks)).collect()).flatten();
+        let motion = Motion::new(g, frame.centre());
+        let blocks = blockers.iter().all(|wall| walls.image(&motion, wall, false).is_some());
+        let partner = |h: &Found| found.iter().position(|k| k.g.after(g) == g.after(h.g));
+        // Of a group that is not mapped onto itself the identity alone is used.
+        let partners: Vec<usize> = found.iter().map(partner).collect::<Option<_>>().unwrap_or_else(|| vec![0]);
+        let of_list = |(l, images): (usize, &Images<'_>)| {
+            let known = found.iter().zip(&partners).map(|(h, &k)| [&h.maps[l][..], &found[k].maps[l]]);
+            images.of(&motion, &known.collect::<Vec<_>>(), &mut looks)
+        };
+        let maps = blocks.then(|| images.iter().enumerate().map(of_list).collect()).flatten();
         let Some(maps) = maps else {
             // If g h or h g held, so would g.
             decided.extend(found.iter().flat_map(|h| [g.after(h.g), h.g.after(g)]));
@@ -317,11 +350,15 @@ pub(super) fn mirrors(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Mi
         Shape::PatchesToElements => (vec![elements, patches], 1, 0),
     };
     let group = group(&lists, geometry.blockers().polygons(), !agrees)?;
-    let first = |s: usize| {
-        let images = group.iter().enumerate().map(|(k, found)| (found.maps[sources][s], k as u32));
-        images.min().expect("a group has an identity")
-    };
-    let originals = (0..lists[sources].len()).map(first).collect();
+    // The first of every orbit, the identity first of all.
+    let mut originals: Vec<(u32, u32)> = (0..lists[sources].len() as u32).map(|s| (s, 0)).collect();
+    for (k, found) in group.iter().enumerate() {
+        for (original, &image) in originals.iter_mut().zip(&found.maps[sources]) {
+            if image < original.0 {
+                *original = (image, k as u32);
+            }
+        }
+    }
     Some(Mirrors::new(originals, group.into_iter().map(|mut found| found.maps.swap_remove(targets)).collect()))
 }
 
