@@ -18,7 +18,7 @@
 
 use std::collections::BTreeSet;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use radiosity_core::mix;
 use radiosity_form_factors::Mirrors;
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -34,7 +34,7 @@ const ROUNDING: f64 = 1e-12;
 const NEAR: f64 = 16.0 * f64::EPSILON;
 /// Cells of the table along the longest side of the box around all elements: a number without meaning to a mesh.
 const CELLS: f64 = 761_539.3;
-/// Elements from one to the next that is looked at, so that one that has no image is found soon.
+/// Elements from one to the next that is looked at before all are, so that one that has no image is found soon.
 const STRIDE: usize = 16;
 
 /// x ↦ c + P(x − c), P a signed permutation of the axes.
@@ -76,22 +76,21 @@ impl Isometry {
 /// An isometry about a point.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
-    from: [usize; 3],
-    signs: DVec3,
+    axes: DMat3,
     centre: DVec3,
     reflects: bool,
 }
 
 impl Motion {
     fn new(g: Isometry, centre: DVec3) -> Self {
-        let signs = g.turned.map(|turned| if turned { -1.0 } else { 1.0 });
-        Self { from: g.from, signs: signs.into(), centre, reflects: g.reflects() }
+        let row = |k: usize| DVec3::AXES[g.from[k]] * if g.turned[k] { -1.0 } else { 1.0 };
+        let axes = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+        Self { axes, centre, reflects: g.reflects() }
     }
 
-    #[inline]
+    #[inline(always)]
     fn of(&self, x: DVec3) -> DVec3 {
-        let way = (x - self.centre).to_array();
-        self.centre + self.signs * DVec3::from(self.from.map(|axis| way[axis]))
+        self.centre + self.axes * (x - self.centre)
     }
 }
 
@@ -128,9 +127,10 @@ impl Frame {
         (0..3).all(|k| (size[k] - size[g.from[k]]).abs() <= 2.0 * self.near)
     }
 
-    #[inline]
+    #[inline(always)]
     fn same(&self, a: DVec3, b: DVec3) -> bool {
-        (a - b).abs().cmple(DVec3::splat(self.near)).all()
+        let way = a - b;
+        (way.x.abs() <= self.near) & (way.y.abs() <= self.near) & (way.z.abs() <= self.near)
     }
 
     /// Whether `g` takes polygon `p` to `q`, with its front if `front`.
@@ -142,16 +142,14 @@ impl Frame {
             return false;
         };
         let runs = |back: bool| {
-            let mut at = begin;
-            p[1..].iter().all(|v| {
-                at = match back {
-                    true if at == 0 => n - 1,
-                    true => at - 1,
-                    false if at + 1 == n => 0,
-                    false => at + 1,
-                };
-                self.same(g.of(*v), q[at])
-            })
+            // Round the loop from where it begins, one way or the other.
+            let (before, after) = q.split_at(begin);
+            let maps = |(v, q): (&DVec3, &DVec3)| self.same(g.of(*v), *q);
+            if back {
+                p[1..].iter().zip(before.iter().rev().chain(after.iter().rev())).all(maps)
+            } else {
+                p[1..].iter().zip(after[1..].iter().chain(before)).all(maps)
+            }
         };
         if !front {
             return runs(false) || runs(true);
@@ -235,7 +233,9 @@ impl<'a> Images<'a> {
         const NONE: u32 = u32::MAX;
         let m = self.facets.len();
         let (mut map, mut taken) = (vec![NONE; m], vec![false; m]);
-        for k in (0..STRIDE).flat_map(|begin| (begin..m).step_by(STRIDE)) {
+        // A few of all facets first, then one after the other.
+        let mut last = [0, 0];
+        for k in (0..m).step_by(STRIDE).chain(0..m) {
             if map[k] != NONE {
                 continue;
             }
@@ -246,7 +246,14 @@ impl<'a> Images<'a> {
                 map[k] = k as u32;
                 continue;
             };
-            let image = self.places.image(g, first, true)?;
+            // Mostly the image is as far from the one before as that was from the one before it.
+            let guess = (2 * last[1] - last[0]) as usize;
+            let guessed = guess < m && {
+                let there = self.facets.polygons(guess);
+                there.first().is_some_and(|there| self.places.frame.maps(g, first, there, true))
+            };
+            let image = if guessed { guess as u32 } else { self.places.image(g, first, true)? };
+            last = [last[1], i64::from(image)];
             let place = image as usize;
             let alike = self.facets.polygons(place).len() == polygons.len()
                 && self.facets.covered(place) == self.facets.covered(k)
