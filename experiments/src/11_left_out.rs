@@ -59,7 +59,8 @@ fn without_sheets(scene: &Scene) -> Vec<u32> {
 
 /// A tube with square ends, one of which emits.
 fn tube() -> Scene {
-    let loops = (0..).zip(faces(DVec3::ZERO, DVec3::new(4.0, 1.0, 1.0), true)).map(|(k, face)| (face, usize::from(k == 0)));
+    let loops =
+        (0..).zip(faces(DVec3::ZERO, DVec3::new(4.0, 1.0, 1.0), true)).map(|(k, face)| (face, usize::from(k == 0)));
     scene_of_loops(&loops.collect::<Vec<_>>(), vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 1.0)])
 }
 

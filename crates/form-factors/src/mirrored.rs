@@ -42,7 +42,10 @@ impl Mirrors {
     /// If an original is none, or there is no such map.
     pub fn new(sources: Vec<(u32, u32)>, maps: Vec<Vec<u32>>) -> Self {
         for (s, &(original, map)) in sources.iter().enumerate() {
-            assert!(original as usize <= s && sources[original as usize].0 == original, "source {original} is no original");
+            assert!(
+                original as usize <= s && sources[original as usize].0 == original,
+                "source {original} is no original"
+            );
             assert!((map as usize) < maps.len(), "map {map} of {}", maps.len());
         }
         Self { sources, maps }

@@ -15,7 +15,8 @@ fn strategy(k: u32) -> Strategy {
 }
 
 fn in_form(k: u32, shape: Shape, solver: &str) -> Strategy {
-    let mesh = MeshSettings { elements: Subdivision::Uniform(k), patches: Some(Subdivision::Uniform(2)), contacts: true };
+    let mesh =
+        MeshSettings { elements: Subdivision::Uniform(k), patches: Some(Subdivision::Uniform(2)), contacts: true };
     Strategy { mesh, shape, solver: solver.to_owned(), ..strategy(k) }
 }
 
@@ -92,7 +93,13 @@ fn one_row_of_each_orbit_is_computed() {
             assert_eq!(planned.cost().source_evaluations, rows, "{size:?} {k}");
             // Of 48 images of a pair in a cube, and 8 in a box, one remains but on planes of symmetry.
             let images = whole.cost().form_factors as f64 / planned.cost().form_factors as f64;
-            let order = if size == [1.0; 3] { 48.0 } else if size == tube { 16.0 } else { 8.0 };
+            let order = if size == [1.0; 3] {
+                48.0
+            } else if size == tube {
+                16.0
+            } else {
+                8.0
+            };
             assert!(images > 0.5 * order && images <= order, "{size:?} {k}: {images}");
         }
     }

@@ -95,12 +95,7 @@ impl Plan {
     }
 
     /// [`Self::left_out`] of a run of which it is known which rows of its systems are mirror images.
-    pub(super) fn left_out_of(
-        &self,
-        geometry: &Geometry<'_>,
-        strategy: &Strategy,
-        systems: &[System<'_>],
-    ) -> Savings {
+    pub(super) fn left_out_of(&self, geometry: &Geometry<'_>, strategy: &Strategy, systems: &[System<'_>]) -> Savings {
         let mirrored = systems.iter().filter_map(|system| system.mirrors.as_ref());
         let [sources, copies] = mirrored.fold([0, 0], |[sources, copies], mirrors| {
             [sources + mirrors.sources(), copies + mirrors.sources() - mirrors.computed()]

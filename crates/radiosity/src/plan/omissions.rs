@@ -21,8 +21,7 @@ pub enum Omission {
 
 impl Omission {
     /// All of them, in the order in which savings are counted.
-    pub const ALL: [Self; 6] =
-        [Self::Blockers, Self::Dark, Self::Rooms, Self::Black, Self::Bands, Self::Symmetry];
+    pub const ALL: [Self; 6] = [Self::Blockers, Self::Dark, Self::Rooms, Self::Black, Self::Bands, Self::Symmetry];
 
     /// The name used in tables.
     pub fn name(&self) -> &'static str {
