@@ -386,3 +386,91 @@ fn agrees(method: Method) -> bool {
         _ => false,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(at: [f64; 2], size: f64, z: f64) -> Polygon {
+        let corner = |x: f64, y: f64| DVec3::new(at[0] + size * x, at[1] + size * y, z);
+        Polygon::new(&[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]).unwrap()
+    }
+
+    fn order(facets: &Facets, blockers: &[Polygon]) -> usize {
+        group(&[facets], blockers, true).map_or(1, |group| group.len())
+    }
+
+    #[test]
+    fn signed_permutations_are_a_group_of_48_of_which_half_reflect() {
+        let all: Vec<Isometry> = Isometry::all().collect();
+        assert_eq!(all.iter().collect::<BTreeSet<_>>().len(), 48);
+        assert_eq!(all.iter().filter(|g| g.reflects()).count(), 24);
+        let x = DVec3::new(0.3, -1.0, 2.5);
+        for a in &all {
+            for b in &all {
+                let [of_a, of_b, of_both] = [*a, *b, a.after(*b)].map(|g| Motion::new(g, DVec3::splat(0.5)));
+                assert!(of_a.of(of_b.of(x)).distance(of_both.of(x)) < 1e-14);
+                assert_eq!(of_both.reflects, of_a.reflects != of_b.reflects);
+            }
+        }
+    }
+
+    /// Maps of all elements, and products of what was found: a group whatever was looked at.
+    #[test]
+    fn what_is_found_maps_elements_onto_elements_and_holds_its_products() {
+        let mut facets = Facets::new();
+        // A square of 4 × 4 cells: the symmetries of a square, which keep its front.
+        (0..16)
+            .for_each(|k| facets.push([square([0.25 * f64::from(k % 4), 0.25 * f64::from(k / 4)], 0.25, 1.0)], false));
+        let group = group(&[&facets], &[], true).unwrap();
+        assert_eq!(group.len(), 8);
+        for found in &group {
+            let motion = Motion::new(found.g, DVec3::new(0.5, 0.5, 1.0));
+            for (k, &image) in found.maps[0].iter().enumerate() {
+                let (from, to) = (&facets.polygons(k)[0], &facets.polygons(image as usize)[0]);
+                assert!(motion.of(from.centroid()).distance(to.centroid()) < 1e-14);
+            }
+            let products = group.iter().map(|other| other.after(found));
+            assert!(products.into_iter().all(|p| group.iter().any(|g| g.g == p.g && g.maps == p.maps)));
+        }
+    }
+
+    /// Two squares each, in the one order and in the other; then with a polygon of the one in the other, and one of them covered.
+    #[test]
+    fn polygons_of_a_facet_may_come_in_any_order_but_stay_together() {
+        let at = |x: f64, y: f64| square([x, y], 1.0, 0.0);
+        let facets = |left: [Polygon; 2], right: [Polygon; 2], covered: bool| {
+            let mut facets = Facets::new();
+            facets.push(left, false);
+            facets.push(right, covered);
+            facets
+        };
+        let (left, right) = ([at(0.0, 0.0), at(0.0, 2.0)], [at(2.0, 0.0), at(2.0, 2.0)]);
+        let turned = [right[1].clone(), right[0].clone()];
+        assert_eq!(order(&facets(left.clone(), right.clone(), false), &[]), 4);
+        assert_eq!(order(&facets(left.clone(), turned, false), &[]), 4);
+        assert_eq!(order(&facets(left.clone(), right.clone(), true), &[]), 2);
+        // Three squares of one facet and one of another: nothing keeps them together but the diagonal through both.
+        let mut uneven = Facets::new();
+        uneven.push([left[0].clone(), left[1].clone(), right[0].clone()], false);
+        uneven.push([right[1].clone()], false);
+        assert_eq!(order(&uneven, &[]), 2);
+    }
+
+    /// Fronts are turned by what takes the other side up; blockers have none.
+    #[test]
+    fn elements_keep_their_fronts_and_blockers_need_not() {
+        let mut sheet = Facets::new();
+        sheet.push([square([0.0, 0.0], 1.0, 0.0)], false);
+        assert_eq!(order(&sheet, &[]), 8);
+        let mut back = square([0.25, 0.25], 0.5, 0.0).vertices().to_vec();
+        back.reverse();
+        assert_eq!(order(&sheet, &[Polygon::new(&back).unwrap()]), 8);
+        assert_eq!(order(&sheet, &[square([0.0, 0.25], 0.5, 0.0)]), 2);
+        // Back to back with its other side, all that keeps the pair.
+        let mut reversed = square([0.0, 0.0], 1.0, 0.0).vertices().to_vec();
+        reversed.reverse();
+        sheet.push([Polygon::new(&reversed).unwrap()], false);
+        assert_eq!(order(&sheet, &[]), 16);
+    }
+}
