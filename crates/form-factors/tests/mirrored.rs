@@ -65,7 +65,7 @@ fn entries(store: &dyn FormFactors) -> Vec<f64> {
     let mut buf = radiosity_core::RowBuf::default();
     let row = |s: usize| {
         let mut values = vec![0.0; store.targets()];
-        store.row(s, 0, &mut buf).unwrap().entries.for_each(|t, value| values[t as usize] = value);
+        store.row(s, 0, &mut buf).unwrap().entries.for_each(|t, value| values[t] = value);
         values
     };
     (0..store.sources()).flat_map(row).collect()

@@ -11,7 +11,7 @@
 //!
 //! Each changes the answer by rounding only. Omissions of the estimators (pairs that face away, polygons that cannot block, empty shafts) are
 //! made there and need no plan. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
-//! [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
+//! symmetries are looked for when there is a mesh, in O(m); [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
 //! observers; the answer is of all elements.
 //!
 //! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular

@@ -298,7 +298,7 @@ fn group(lists: &[&Facets], blockers: &[Polygon], begins: bool) -> Option<Vec<Fo
     let identity = lists.iter().map(|facets| (0..facets.len() as u32).collect()).collect();
     let mut found = vec![Found { g: Isometry::IDENTITY, maps: identity }];
     let mut decided = BTreeSet::from([Isometry::IDENTITY]);
-    for g in Isometry::all().into_iter().filter(|g| frame.allows(*g)) {
+    for g in Isometry::all().filter(|g| frame.allows(*g)) {
         if decided.contains(&g) {
             continue;
         }
