@@ -7,10 +7,12 @@
 //! of whole runs, plan and mesh included. The difference is the largest of irradiance over what is asked for, relative to the largest irradiance of its band; more than 1e-12, or a saving that is not
 //! the one predicted, counts as failed. What estimators leave out by themselves is counted where everything is kept: polygons that can block nothing, pairs that face
 //! away, and pairs with nothing between them. The empty grey room is solved a second time as the program does it, and as a library call on a scene of one band with store and solver picked by hand, of
-//! which the fastest counts. Beside that, what an error allows: pairs and bounces of a furnished room within some errors, with what they change beside the bound that was reported, and what
+//! which the fastest counts; a call by hand computes all rows, and so does the program once more, since a room is a box and its rows mirror each other. Beside that, what an error allows:
+//! pairs and bounces of a furnished room within some errors, with what they change beside the bound that was reported, and what
 //! refinement for a view of one of two rooms computes. Read: bars below 1 are work that was not needed. Not shown: instructions of a plan, which a profiler counts.
 
 use std::error::Error;
+use std::hint::black_box;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -19,7 +21,7 @@ use radiosity::{Adaptive, Goal, GridValues, run_adaptive};
 use radiosity::{Geometry, Method, Phase, Plan, Run, RunError, Store, Strategy, run_meshed, run_planned};
 use radiosity_core::{Cost, Outcome};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, Tables, group_by};
-use radiosity_gallery::boxes::material;
+use radiosity_gallery::boxes::{faces, material, scene_of_loops, unit_cube};
 use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, two_rooms};
 use radiosity_gallery::{city, crowded_room};
 use radiosity_geometry::Scene;
@@ -41,8 +43,9 @@ const NOTHING: &str = "nothing";
 const EVERYTHING: &str = "all";
 /// The lit one of two rooms, with no other beside it.
 const ALONE: &str = "lit room alone";
-/// The program, beside picks by hand.
+/// The program, beside picks by hand, and the program without copies of mirror images.
 const PROGRAM: &str = "program";
+const ALL_ROWS: &str = "program, all rows";
 /// Name of the scene that is solved by hand.
 const BY_HAND: &str = "by hand";
 
@@ -68,6 +71,13 @@ fn without_sheets(scene: &Scene) -> Vec<u32> {
     (0..scene.surfaces.len() as u32).filter(|s| *s as usize % STOREY != STOREY - 1).collect()
 }
 
+/// A tube with square ends, one of which emits.
+fn tube() -> Scene {
+    let loops =
+        (0..).zip(faces(DVec3::ZERO, DVec3::new(4.0, 1.0, 1.0), true)).map(|(k, face)| (face, usize::from(k == 0)));
+    scene_of_loops(&loops.collect::<Vec<_>>(), vec![material("grey", 0.5, 0.0), material("lamp", 0.3, 1.0)])
+}
+
 fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     let case = |name, scene| Case { name, scene, method: Method::ANALYTIC, asked: None };
     let storeys = tower(&[true, false, true, false]);
@@ -77,6 +87,8 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
         case("grey room", grey_room([3.0; 3])),
         case("one dark band", grey_room([3.0, 0.0, 0.7])),
         case("coloured room", one_room()),
+        case("cube", unit_cube(material("grey", 0.5, 1.0))),
+        case("tube", tube()),
         case("black floor", black_floor()),
         Case { asked: Some(vec![0, 1, 2, 3, 5]), ..case("walls asked", black_floor()) },
         case("two rooms, one lit", two_rooms([true, false])),
@@ -155,13 +167,18 @@ fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 }
 
 /// The runs of a scene: what they leave out, by name.
-fn variants(case: &Case, plain: &Strategy) -> Vec<(&'static str, Omissions)> {
-    let allowed = |one: &Omission| {
-        let alone = Strategy { omit: (*one).into(), ..plain.clone() };
-        Plan::new(&case.scene, &alone).omits()
-    };
-    let alone = Omission::ALL.into_iter().filter(allowed).map(|one| (one.name(), one.into()));
-    std::iter::once((NOTHING, Omissions::NONE)).chain(alone).chain([(EVERYTHING, Omissions::ALL)]).collect()
+fn variants(case: &Case, plain: &Strategy) -> Result<Vec<(&'static str, Omissions)>, RunError> {
+    let mut variants = vec![(NOTHING, Omissions::NONE)];
+    for one in Omission::ALL {
+        let alone = Strategy { omit: one.into(), ..plain.clone() };
+        let plan = Plan::new(&case.scene, &alone);
+        let geometry = plan.mesh(&case.scene, &alone)?;
+        if !plan.left_out(&geometry, &alone).list.is_empty() {
+            variants.push((one.name(), one.into()));
+        }
+    }
+    variants.push((EVERYTHING, Omissions::ALL));
+    Ok(variants)
 }
 
 /// Columns of what a run left out: predicted and measured, and whether they are the same.
@@ -194,7 +211,7 @@ fn omissions(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
     let elements = mesh(&case.scene, profile);
     let asked = case.asked.clone();
     let plain = Strategy { unshot: UNSHOT, asked, ..Strategy::new(elements, case.method) };
-    let variants = variants(case, &plain);
+    let variants = variants(case, &plain)?;
     let of = |omit: Omissions| Strategy { omit, ..plain.clone() };
     let mut seconds = vec![Vec::new(); variants.len()];
     let mut runs = Vec::new();
@@ -215,6 +232,8 @@ fn omissions(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
         for _ in 0..seconds.len() {
             let clock = Instant::now();
             let plan = Plan::new(&case.scene, &of(*omit));
+            // With the symmetries of the mesh, and what all is predicted to save.
+            black_box(plan.left_out(&run.geometry, strategy));
             plan_seconds.push(clock.elapsed().as_secs_f64());
             assert_eq!(plan.off.is_some(), *name == NOTHING, "a strategy that can be planned");
         }
@@ -257,13 +276,13 @@ fn by_themselves(record: Record, case: &Case, run: &Run<'_>) -> Record {
     }
 }
 
-/// The lit one of two rooms alone, everything kept: what the two may cost.
+/// The lit one of two rooms alone, solved in the same way: what the two may cost.
 fn lit_room_alone(context: &mut Context) -> Result<(), Box<dyn Error>> {
     let (two, one) = (two_rooms([true, false]), one_room());
     let elements = mesh(&two, context.profile());
     let strategy = Strategy { unshot: UNSHOT, omit: Omissions::ALL, ..Strategy::new(elements, Method::ANALYTIC) };
     let (both, chosen, _) = planned(&two, &strategy)?;
-    let (alone, seconds) = by_hand(&one, &Strategy { omit: Omissions::NONE, ..chosen.clone() })?;
+    let (alone, _, seconds) = planned(&one, &strategy)?;
     // Of two rooms wall to wall the walls between may block, by what a face alone tells; none does.
     let counted = |run: &Run<'_>| {
         let cost = run.cost();
@@ -375,6 +394,7 @@ fn grey_room_by_hand(context: &mut Context, k: u32) -> Result<(), Box<dyn Error>
     let plain = Strategy { unshot: UNSHOT, ..Strategy::new(Subdivision::Uniform(k), Method::ANALYTIC) };
     let picks = PICKS.map(|(store, solver)| Strategy { store, solver: solver.to_owned(), ..plain.clone() });
     let program = Strategy { omit: Omissions::ALL, ..plain };
+    let all_rows = Strategy { omit: Omissions::ALL - Omission::Symmetry.into(), ..program.clone() };
     let mut ways: Vec<Solved> = Vec::new();
     for repetition in 0..context.profile().pick(1, 7, 9) {
         let mut keep = |n: usize, label: &dyn Fn() -> String, strategy: &Strategy, (run, seconds): (Run<'_>, f64)| {
@@ -383,9 +403,11 @@ fn grey_room_by_hand(context: &mut Context, k: u32) -> Result<(), Box<dyn Error>
             }
             ways[n].seconds.push(seconds);
         };
-        let (run, chosen, time) = planned(&grey, &program)?;
-        keep(0, &|| PROGRAM.to_owned(), &chosen, (run, time));
-        for (n, pick) in (1..).zip(&picks) {
+        for (n, (label, strategy)) in [(PROGRAM, &program), (ALL_ROWS, &all_rows)].into_iter().enumerate() {
+            let (run, chosen, time) = planned(&grey, strategy)?;
+            keep(n, &|| label.to_owned(), &chosen, (run, time));
+        }
+        for (n, pick) in (2..).zip(&picks) {
             keep(n, &|| format!("{}, {}", pick.store.name(), pick.solver), pick, by_hand(&one_band, pick)?);
         }
     }
@@ -412,14 +434,17 @@ fn median(row: &Row<'_>) -> f64 {
     row.number("time_median")
 }
 
-/// Elements, the program's median time, and the hand of the least median.
-fn against_hands(tables: &Tables) -> Vec<(f64, f64, Row<'_>)> {
+/// Elements, the program's median times with and without copies, and the hand of the least median.
+fn against_hands(tables: &Tables) -> Vec<(f64, [f64; 2], Row<'_>)> {
     let mut known = Vec::new();
     for (m, rows) in group_by(tables.select_eq("scene", BY_HAND), "elements") {
-        let (program, hands): (Vec<_>, Vec<_>) = rows.into_iter().partition(|row| row.text("left_out") == PROGRAM);
-        let best = hands.into_iter().min_by(|a, b| median(a).total_cmp(&median(b)));
-        if let (Ok(m), Some(program), Some(best)) = (m.parse(), program.first(), best) {
-            known.push((m, median(program), best));
+        let is = |row: &Row<'_>, label: &str| row.text("left_out") == label;
+        let of = |label: &str| rows.iter().find(|row| is(row, label)).map(median);
+        let program = [of(PROGRAM), of(ALL_ROWS)];
+        let hands = rows.into_iter().filter(|row| !is(row, PROGRAM) && !is(row, ALL_ROWS));
+        let best = hands.min_by(|a, b| median(a).total_cmp(&median(b)));
+        if let (Ok(m), [Some(program), Some(all_rows)], Some(best)) = (m.parse(), program, best) {
+            known.push((m, [program, all_rows], best));
         }
     }
     known
@@ -492,7 +517,8 @@ impl Experiment for LeftOut {
         };
         let hands = against_hands(tables);
         let line = |label: &str, values: Vec<(f64, f64)>| Series::new(label, label).values(values);
-        let program = line("program", hands.iter().map(|(m, program, _)| (*m, *program)).collect());
+        let program = line(PROGRAM, hands.iter().map(|(m, [program, _], _)| (*m, *program)).collect());
+        let all_rows = line(ALL_ROWS, hands.iter().map(|(m, [_, all_rows], _)| (*m, *all_rows)).collect());
         let best = line("best by hand", hands.iter().map(|(m, _, best)| (*m, median(best))).collect());
         vec![
             bars("form-factors", "Form factors left to compute", "form_factors"),
@@ -500,7 +526,7 @@ impl Experiment for LeftOut {
             bars("time", "Time left", "time"),
             Figure::new("by-hand", "An empty grey room, by the program and by hand")
                 .caption("Medians of whole runs: three equal bands as the program solves them, and one band with the best store and solver picked by hand.")
-                .panel(Panel::new(Axis::log("elements", ""), Axis::log("time", "s")).series(program).series(best)),
+                .panel(Panel::new(Axis::log("elements", ""), Axis::log("time", "s")).all_series([program, all_rows, best])),
         ]
     }
 
@@ -514,11 +540,12 @@ impl Experiment for LeftOut {
         });
         let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
         let plans = omitting.iter().map(|row| row.seconds("plan_time") / row.seconds("time")).fold(0.0, f64::max);
-        let hands = against_hands(tables).into_iter().map(|(m, program, best)| {
+        let hands = against_hands(tables).into_iter().map(|(m, [program, all_rows], best)| {
             format!(
-                "{} elements {:.2} × ({})",
+                "{} elements {:.2} ×, {:.2} × if it computes all rows ({})",
                 numbers::grouped(m as i64),
                 program / median(&best),
+                all_rows / median(&best),
                 best.text("left_out")
             )
         });

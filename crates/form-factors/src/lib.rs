@@ -12,6 +12,7 @@ pub mod hemicube;
 pub mod hierarchical;
 #[doc(hidden)]
 pub mod level;
+mod mirrored;
 pub mod point;
 pub mod ray_cast;
 mod ray_points;
@@ -23,6 +24,7 @@ pub mod stores;
 pub mod thinning;
 pub mod update;
 
+pub use mirrored::{MirroredRows, Mirrors};
 pub use row_wise::Receivers;
 pub use rows::{Estimate, Numbers, Pairwise, PairwiseRows, Rows, Run, Sampler, SparseRow};
 pub use selected::SelectedRows;

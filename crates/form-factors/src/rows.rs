@@ -6,6 +6,7 @@ use radiosity_geometry::{Facets, Polygon};
 use rayon::prelude::*;
 
 use crate::analytic::FacetBlocks;
+use crate::mirrored::Mirrors;
 
 /// An exchange area A_i F_ij with a bound on its error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -235,6 +236,11 @@ pub trait Rows: Sync {
         Ok(spent)
     }
 
+    /// Which rows are mirror images of others, where that is known: stores may copy those.
+    fn mirrors(&self) -> Option<&Mirrors> {
+        None
+    }
+
     /// How targets are drawn without a row, where the estimator can.
     fn sampler(&self) -> Option<&dyn Sampler> {
         None
@@ -282,6 +288,10 @@ impl<R: Rows + ?Sized> Rows for &R {
 
     fn row_of(&self, s: usize, first: usize, wanted: &[bool], values: &mut [f64]) -> Result<(Cost, f64), StoreError> {
         (**self).row_of(s, first, wanted, values)
+    }
+
+    fn mirrors(&self) -> Option<&Mirrors> {
+        (**self).mirrors()
     }
 
     fn sampler(&self) -> Option<&dyn Sampler> {

@@ -6,12 +6,13 @@
 //! callgrind_annotate --inclusive=yes callgrind.out.* | grep -E 'PROGRAM|Plan::'
 //! ```
 //!
-//! The plan is `Plan::new`, `Plan::store` and `Plan::left_out`; it should take at most 1 % of the instructions of the run.
+//! The plan is `Plan::new`, `Plan::store`, `Plan::systems` and `Plan::left_out_of`; it should take at most 1 % of the instructions of the run.
 
 use std::process::ExitCode;
 
 use radiosity::plan::Omissions;
 use radiosity::{Phase, Plan, Strategy, default_method, run_planned};
+use radiosity_gallery::boxes::{material, unit_cube};
 use radiosity_gallery::rooms::{grey_room, tower, two_rooms};
 use radiosity_gallery::{city, crowded_room, mirror_cornell};
 use radiosity_geometry::mesh::Subdivision;
@@ -20,6 +21,7 @@ use radiosity_geometry::{Occluders, Scene};
 fn scene(name: &str) -> Option<Scene> {
     Some(match name {
         "grey" => grey_room([3.0; 3]),
+        "cube" => unit_cube(material("grey", 0.5, 1.0)),
         "two-rooms" => two_rooms([true, false]),
         "tower" => tower(&[true, false, true, false]),
         "high-tower" => tower(&[true; 40]),

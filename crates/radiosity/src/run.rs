@@ -309,7 +309,7 @@ pub fn run_planned<'a>(
     observer: &mut dyn Observer,
 ) -> Result<Run<'a>, RunError> {
     strategy.check()?;
-    if plan.omits() {
+    if plan.may_omit() {
         return thin::held(strategy, geometry, |strategy, geometry| {
             follow(plan, geometry, meshing, strategy, observer)
         });

@@ -8,9 +8,10 @@ use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, 
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
 
-/// 3 × 3 elements a face, solved to rounding: η = 1e-14 leaves less than the 1e-12 that is asked.
+/// 3 × 3 elements a face, solved to rounding: η = 1e-14 leaves less than the 1e-12 that is asked. Mirror images are tested apart (`symmetry.rs`).
 fn strategy(method: Method) -> Strategy {
-    Strategy { unshot: 1e-14, omit: Omissions::ALL, ..Strategy::new(Subdivision::Uniform(3), method) }
+    let omit = Omissions::ALL - Omission::Symmetry.into();
+    Strategy { unshot: 1e-14, omit, ..Strategy::new(Subdivision::Uniform(3), method) }
 }
 
 fn in_form(method: Method, shape: Shape) -> Strategy {
@@ -226,8 +227,9 @@ fn every_omission_alone_and_all_together_change_nothing_and_save_what_was_predic
     let asked: Vec<u32> = (0..scene.surfaces.len() as u32).filter(|s| !is_sheet(s)).collect();
     let plain = Strategy { unshot: 1e-14, ..Strategy::new(Subdivision::Uniform(2), Method::ANALYTIC) };
     let everything = run(&scene, &plain, &mut ()).unwrap();
-    let all = Omission::ALL.map(Omissions::from).into_iter().chain([Omissions::ALL]);
-    for omit in all {
+    // A tower has blocks, and pairs that something blocks have no exact copies.
+    let all = Omission::ALL.into_iter().filter(|one| *one != Omission::Symmetry).map(Omissions::from);
+    for omit in all.chain([Omissions::ALL]) {
         // Black faces are gathered where they are asked for, and only block where not.
         let asked = (omit != Omissions::from(Omission::Black)).then(|| asked.clone());
         let strategy = Strategy { omit, asked, ..plain.clone() };

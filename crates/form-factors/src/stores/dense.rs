@@ -10,7 +10,8 @@ use radiosity_core::{
 use rayon::prelude::*;
 
 use super::{Held, assert_factors, assert_lengths, by_blocks, by_pieces, check_memory, check_row, dot, scale_row};
-use crate::Rows;
+use crate::mirrored::{Copies, RowOf, fill};
+use crate::{Mirrors, Rows};
 
 /// Exchange areas A_s F_st of all pairs, 8 bytes each (columns of the matrix padded to 64 bytes).
 ///
@@ -23,7 +24,8 @@ pub struct DenseFormFactors {
 }
 
 impl DenseFormFactors {
-    /// Computes and keeps all rows, in parallel over rows; of symmetric rows only the upper triangle, mirrored.
+    /// Computes and keeps all rows, in parallel over rows; of symmetric rows only the upper triangle, mirrored, and of rows that are known to be mirror
+    /// images only their originals.
     ///
     /// # Errors
     ///
@@ -39,6 +41,9 @@ impl DenseFormFactors {
     /// [`StoreError::Memory`] before anything is computed, else as [`Self::assemble`].
     pub fn assemble_within(rows: &dyn Rows, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
         let symmetric = rows.symmetric();
+        if let Some(mirrors) = rows.mirrors() {
+            return Self::fill_mirrored(rows, mirrors, limit);
+        }
         Self::fill(rows.sources(), rows.targets(), symmetric, limit, |s, values| {
             let (cost, bound) = if symmetric { rows.upper_row(s, values) } else { rows.row(s, values) }?;
             Ok((cost, Some(bound)))
@@ -111,6 +116,38 @@ impl DenseFormFactors {
         Ok((Self { table, bounds, symmetric }, total))
     }
 
+    /// A store of originals, which are computed, and their copies.
+    fn fill_mirrored(rows: &dyn Rows, mirrors: &Mirrors, limit: Option<u64>) -> Result<(Self, Cost), StoreError> {
+        let (sources, targets) = (rows.sources(), rows.targets());
+        let symmetric = rows.symmetric() && store_is_square(sources, targets);
+        check_memory(sources, targets, 8 * sources as u64 * targets as u64, limit)?;
+        let mut store = Self { table: Table::zeros(sources, targets), bounds: None, symmetric };
+        let found = fill(&mut store, mirrors, (targets, symmetric), |s, wanted, values| {
+            let spent = if symmetric { rows.row_of(s, s, wanted, values) } else { rows.row(s, values) }?;
+            check_row(s, 0, values)?;
+            Ok(spent)
+        })?;
+        if symmetric {
+            store.table.mirror();
+        }
+        let (mut total, mut bounds) = (Cost::default(), Vec::<f64>::with_capacity(sources));
+        let mut found = found.into_iter();
+        for s in 0..sources {
+            let (original, _) = mirrors.original(s);
+            let bound = if original < s {
+                bounds[original]
+            } else {
+                let (cost, bound) = found.next().expect("each original was computed");
+                total += cost;
+                bound
+            };
+            // Entries of pairs with earlier orbits were computed in their rows.
+            let earlier = bounds.last().copied().filter(|_| symmetric).unwrap_or(0.0);
+            bounds.push(bound.max(earlier));
+        }
+        Ok((Self { bounds: Some(bounds), ..store }, total))
+    }
+
     /// The exchange areas as a matrix of `targets` × `sources`: column s is row s.
     pub fn matrix(&self) -> MatRef<'_, f64> {
         let Table { sources, targets, stride, .. } = self.table;
@@ -166,6 +203,22 @@ impl DenseFormFactors {
 
     fn slices(&self, rows: Range<usize>) -> Vec<&[f64]> {
         rows.map(|s| self.slice(s)).collect()
+    }
+}
+
+impl Copies for DenseFormFactors {
+    fn entry(&self, s: usize, t: usize) -> f64 {
+        self.slice(s)[t]
+    }
+
+    fn put(&mut self, row: &RowOf<'_>) {
+        let symmetric = self.symmetric;
+        self.table.par_rows_mut().enumerate().for_each(|(s, values)| {
+            if let Some((from, places)) = row(s) {
+                let first = if symmetric { s } else { 0 };
+                values[first..].iter_mut().zip(&places[first..]).for_each(|(value, &t)| *value = from[t as usize]);
+            }
+        });
     }
 }
 

@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use super::lanes::run;
 use super::tiles::{Entry, Half, LANES, LINE, Layout, Pass, STRIP, TILE, place};
 use super::{Held, assert_factors, assert_lengths, check_memory, check_row};
-use crate::Rows;
 use crate::level::Level;
+use crate::mirrored::{Copies, RowOf, fill};
+use crate::{Mirrors, Rows};
 
 /// Exchange areas A_s F_st = A_t F_ts of all pairs s ≤ t, in double or single precision (`T` is `f64` or `f32`).
 ///
@@ -63,7 +64,7 @@ const ROWS_OF_TASK: usize = 16;
 const MOST_PARTIALS: usize = 32;
 
 impl<T: Entry> PackedFormFactors<T> {
-    /// Computes all rows from the diagonal on and keeps them, in parallel over rows.
+    /// Computes all rows from the diagonal on and keeps them, in parallel over rows; of rows that are known to be mirror images only their originals.
     ///
     /// The most memory taken meanwhile is what is kept and 256·n bytes.
     ///
@@ -88,11 +89,33 @@ impl<T: Entry> PackedFormFactors<T> {
         check_memory(n, n, Self::bytes(n), limit)?;
         let layout = Layout::new(n);
         // Zeros that the system hands out untouched: each page is first written by who fills it.
-        let mut values = vec![T::default(); layout.entries() + LINE / size_of::<T>()];
+        let values = vec![T::default(); layout.entries() + LINE / size_of::<T>()];
         let first = values.as_ptr().align_offset(LINE).min(LINE / size_of::<T>());
-        let (mut total, mut bounds, mut largest) = (Cost::default(), Vec::with_capacity(n), 0.0_f64);
+        let mut store = Self { layout, values, first, bounds: Vec::with_capacity(n), scratch: Mutex::default() };
+        let found = match rows.mirrors() {
+            Some(mirrors) => store.fill_mirrored(rows, mirrors)?,
+            None => store.fill(rows)?,
+        };
+        let (mut total, mut largest) = (Cost::default(), 0.0_f64);
+        for (cost, bound, most) in found {
+            total += cost;
+            largest = largest.max(most);
+            // Entry (s, t < s) was computed in row t and has that row's bound.
+            store.bounds.push(store.bounds.last().map_or(bound, |last: &f64| bound.max(*last)));
+        }
+        if largest > 0.0 && largest < T::LEAST {
+            return Err(StoreError::Underflow { store: T::NAME, largest, least: T::LEAST });
+        }
+        Ok((store, total))
+    }
+
+    /// Puts in all rows from the diagonal on: what each cost, its bound, and its largest value.
+    fn fill(&mut self, rows: &dyn Rows) -> Result<Vec<(Cost, f64, f64)>, StoreError> {
+        let Self { layout, values, first, .. } = self;
+        let n = layout.n();
+        let mut found = Vec::with_capacity(n);
         let mut band = vec![0.0; ROWS_AT_ONCE.min(n) * n];
-        let mut rest = &mut values[first..];
+        let mut rest = &mut values[*first..];
         for i in 0..layout.blocks() {
             let mut tiles = Vec::with_capacity(layout.blocks() - i);
             for j in i..layout.blocks() {
@@ -106,15 +129,11 @@ impl<T: Entry> PackedFormFactors<T> {
                 let spent: Vec<Result<(Cost, f64, f64), StoreError>> = band[..count * n]
                     .par_chunks_mut(n)
                     .enumerate()
-                    .map(|(r, values)| upper_row::<T>(rows, s_0 + r, values))
+                    .map(|(r, values)| examined::<T>(s_0 + r, rows.upper_row(s_0 + r, values)?, values))
                     .collect();
                 // In order, so that the first fault is the same on any number of threads.
                 for row in spent {
-                    let (cost, bound, most) = row?;
-                    total += cost;
-                    largest = largest.max(most);
-                    // Entry (s, t < s) was computed in row t and has that row's bound.
-                    bounds.push(bounds.last().map_or(bound, |last: &f64| bound.max(*last)));
+                    found.push(row?);
                 }
                 tiles.par_iter_mut().enumerate().for_each(|(k, tile)| {
                     let (j, width) = (i + k, layout.side(i + k));
@@ -128,10 +147,23 @@ impl<T: Entry> PackedFormFactors<T> {
             }
             mirror(tiles[0], layout.side(i));
         }
-        if largest > 0.0 && largest < T::LEAST {
-            return Err(StoreError::Underflow { store: T::NAME, largest, least: T::LEAST });
+        Ok(found)
+    }
+
+    /// [`Self::fill`] of originals, with their copies, which cost nothing.
+    fn fill_mirrored(&mut self, rows: &dyn Rows, mirrors: &Mirrors) -> Result<Vec<(Cost, f64, f64)>, StoreError> {
+        let n = self.layout.n();
+        let found = fill(self, mirrors, (n, true), |s, wanted, values| {
+            examined::<T>(s, rows.row_of(s, s, wanted, values)?, values)
+        })?;
+        for i in 0..self.layout.blocks() {
+            let range = self.layout.range(self.layout.index(i, i));
+            mirror(&mut self.values[self.first..][range], self.layout.side(i));
         }
-        Ok((Self { layout, values, first, bounds, scratch: Mutex::default() }, total))
+        let mut found = found.into_iter();
+        let of_row = |s: usize| if mirrors.computes(s) { found.next() } else { None };
+        // Rows come after their originals, whose bounds are carried on to all later ones.
+        Ok((0..n).map(of_row).map(Option::unwrap_or_default).collect())
     }
 
     /// Bytes that a store of n rows keeps.
@@ -208,9 +240,21 @@ impl<T: Entry> PackedFormFactors<T> {
     }
 }
 
-/// Row s from the diagonal on, with its cost, the bound of what will be kept of it, and its largest value.
-fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<(Cost, f64, f64), StoreError> {
-    let (cost, bound) = rows.upper_row(s, values)?;
+/// Tiles that lie one after another, each with its row and column of tiles.
+fn tiles_of<'t, T>(layout: &Layout, mut rest: &'t mut [T]) -> Vec<(usize, usize, &'t mut [T])> {
+    let mut tiles = Vec::with_capacity(layout.tiles());
+    for i in 0..layout.blocks() {
+        for j in i..layout.blocks() {
+            let (tile, after) = rest.split_at_mut(layout.side(i) * layout.side(j));
+            tiles.push((i, j, tile));
+            rest = after;
+        }
+    }
+    tiles
+}
+
+/// What row s cost, from the diagonal on, the bound of what will be kept of it, and its largest value.
+fn examined<T: Entry>(s: usize, (cost, bound): (Cost, f64), values: &[f64]) -> Result<(Cost, f64, f64), StoreError> {
     check_row(s, s, values)?;
     let mut rounding = 0.0_f64;
     for (t, &value) in values.iter().enumerate().skip(s) {
@@ -221,6 +265,25 @@ fn upper_row<T: Entry>(rows: &dyn Rows, s: usize, values: &mut [f64]) -> Result<
         rounding = rounding.max((kept - value).abs());
     }
     Ok((cost, bound + rounding, values[s..].iter().copied().fold(0.0, f64::max)))
+}
+
+impl<T: Entry> Copies for PackedFormFactors<T> {
+    fn entry(&self, s: usize, t: usize) -> f64 {
+        self.entry(s, t)
+    }
+
+    fn put(&mut self, row: &RowOf<'_>) {
+        let Self { layout, values, first, .. } = self;
+        tiles_of(layout, &mut values[*first..]).into_par_iter().for_each(|(i, j, tile)| {
+            for r in 0..layout.height(i) {
+                if let Some((from, places)) = row(i * TILE + r) {
+                    let begin = if i == j { r } else { 0 };
+                    let places = places[j * TILE..][..layout.height(j)].iter().enumerate().skip(begin);
+                    places.for_each(|(t, &at)| tile[place(layout.side(j), r, t)] = T::round(from[at as usize]));
+                }
+            }
+        });
+    }
 }
 
 /// Appends entries of row r of a tile, from a column on at which a vector begins.
@@ -401,16 +464,7 @@ impl<T: Entry> Held for PackedFormFactors<T> {
     fn scale(&mut self, factors: &[f64]) {
         assert_factors(self, factors);
         let Self { layout, values, first, bounds, .. } = self;
-        let mut tiles = Vec::with_capacity(layout.tiles());
-        let mut rest = &mut values[*first..];
-        for i in 0..layout.blocks() {
-            for j in i..layout.blocks() {
-                let (tile, after) = rest.split_at_mut(layout.side(i) * layout.side(j));
-                tiles.push((i, j, tile));
-                rest = after;
-            }
-        }
-        let scaled = tiles.into_par_iter().map(|(i, j, tile)| {
+        let scaled = tiles_of(layout, &mut values[*first..]).into_par_iter().map(|(i, j, tile)| {
             let (mut of_rows, mut of_columns) = (vec![0.0_f64; layout.height(i)], vec![0.0_f64; layout.height(j)]);
             for (r, of_row) in of_rows.iter_mut().enumerate() {
                 for (t, of_column) in of_columns.iter_mut().enumerate() {

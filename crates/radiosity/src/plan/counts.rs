@@ -15,6 +15,7 @@ use radiosity_core::Cost;
 use radiosity_geometry::mesh::MeshSize;
 use radiosity_geometry::{Polygon, Scene, Surface};
 
+use super::follow::System;
 use super::{Band, BandPlan, Omission, Plan, Role, most_looks};
 use crate::{Geometry, Method, Shape, Store, Strategy};
 
@@ -89,7 +90,17 @@ impl Savings {
 impl Plan {
     /// What the plan leaves out of a run of `strategy` on `geometry`, which [`Plan::mesh`] made.
     pub fn left_out(&self, geometry: &Geometry<'_>, strategy: &Strategy) -> Savings {
-        if !self.omits() {
+        let systems = if self.symmetry { self.systems(geometry, strategy) } else { Vec::new() };
+        self.left_out_of(geometry, strategy, &systems)
+    }
+
+    /// [`Self::left_out`] of a run of which it is known which rows of its systems are mirror images.
+    pub(super) fn left_out_of(&self, geometry: &Geometry<'_>, strategy: &Strategy, systems: &[System<'_>]) -> Savings {
+        let mirrored = systems.iter().filter_map(|system| system.mirrors.as_ref());
+        let [sources, copies] = mirrored.fold([0, 0], |[sources, copies], mirrors| {
+            [sources + mirrors.sources(), copies + mirrors.sources() - mirrors.computed()]
+        });
+        if !self.omits() && copies == 0 {
             return Savings::default();
         }
         let scene = geometry.scene();
@@ -131,7 +142,14 @@ impl Plan {
         };
         stage(Omission::Bands, some(zero + scaled, what), self.clone());
 
-        let counts = Tally::new(geometry, strategy, self).counts(&stages);
+        let tally = Tally::new(geometry, strategy, self);
+        let mut counts = tally.counts(&stages);
+        if copies > 0 {
+            said.push((Omission::Symmetry, format!("{copies} of {sources} rows")));
+            let before = counts[counts.len() - 1];
+            let copied = Counts { rows: Some(copies as u64), form_factors: tally.copied(systems), ..Counts::default() };
+            counts.push(before.less(copied));
+        }
         let list = said.into_iter().zip(counts.windows(2));
         let list = list.map(|((omission, what), step)| LeftOut { omission, what, predicted: step[0].less(step[1]) });
         let (first, last) = (counts[0], counts[counts.len() - 1]);
@@ -217,11 +235,7 @@ impl<'a> Tally<'a> {
         let strategy = self.strategy;
         // Rows of stores that compute them when asked, and links, follow from the solution.
         let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone | Store::Hierarchical { .. });
-        let ends = |face: &Face<'a>| match strategy.shape {
-            Shape::Full => (face.elements, face.elements),
-            Shape::ElementsToPatches | Shape::TwoLevel => (face.elements, face.patches),
-            Shape::PatchesToElements => (face.patches, face.elements),
-        };
+        let ends = |face: &Face<'a>| self.ends(face);
         let role = |plan: &Plan, face: &Face<'a>| plan.roles[face.surface];
         let computed = |role: Role| matches!(role, Role::Exchanges | Role::Receives);
         let simple = |plan: &Plan| {
@@ -261,6 +275,60 @@ impl<'a> Tally<'a> {
             counts.form_factors = form_factors.as_ref().map(|sums| sums[k]);
         }
         counts
+    }
+
+    /// Form factors that stores copy in these systems; `None` if they cannot be counted.
+    fn copied(&self, systems: &[System<'_>]) -> Option<u64> {
+        if !self.looks {
+            return None;
+        }
+        let (form, symmetric) = (self.strategy.shape.form(), self.strategy.shape == Shape::Full);
+        let mut copied = 0;
+        for system in systems {
+            let Some(mirrors) = &system.mirrors else { continue };
+            // Originals of the sources that take part, by numbers among all, and whether a target does.
+            let [sources, targets] = system.selection.ends(form);
+            let mut original = vec![u32::MAX; sources.last().map_or(0, |last| *last as usize + 1)];
+            sources.iter().enumerate().for_each(|(k, &s)| original[s as usize] = sources[mirrors.original(k).0]);
+            let part_of = |cells: Cells<'_>, numbers: &[u32]| match cells {
+                Cells::Meshed(_, range) => Some(range).filter(|range| numbers.binary_search(&range.0).is_ok()),
+                Cells::Count(_) => None,
+            };
+            for (k, s) in self.faces.iter().enumerate() {
+                let Some(of_s) = part_of(self.ends(s).0, sources) else { continue };
+                for t in &self.faces[if symmetric { k } else { 0 }..] {
+                    let Some(of_t) = part_of(self.ends(t).1, targets) else { continue };
+                    let first = above(s, self.ends(s).0, t)?;
+                    if first.count() == 0 {
+                        continue;
+                    }
+                    let second = above(t, self.ends(t).1, s)?;
+                    let (all, pairs) = (second.count(), first.count() * second.count());
+                    let mut computing = first.facets(of_s);
+                    computing.retain(|&s| original[s as usize] == s);
+                    let computed: u64 = if symmetric && !computing.is_empty() {
+                        let of = |t: u32| original[t as usize];
+                        let mut others: Vec<u32> = second.facets(of_t).into_iter().map(of).collect();
+                        others.sort_unstable();
+                        let later = |s: &u32| all - others.partition_point(|other| other < s) as u64;
+                        computing.iter().map(later).sum()
+                    } else {
+                        computing.len() as u64 * all
+                    };
+                    copied += pairs - computed;
+                }
+            }
+        }
+        Some(copied)
+    }
+
+    /// What rows run between on a face.
+    fn ends(&self, face: &Face<'a>) -> (Cells<'a>, Cells<'a>) {
+        match self.strategy.shape {
+            Shape::Full => (face.elements, face.elements),
+            Shape::ElementsToPatches | Shape::TwoLevel => (face.elements, face.patches),
+            Shape::PatchesToElements => (face.patches, face.elements),
+        }
     }
 
     /// Sums over pairs of faces that each plan needs, of either order once if `symmetric`; `None` if one cannot be counted.
@@ -311,23 +379,49 @@ fn rounding(face: &Polygon) -> f64 {
 
 /// Pairs of facets of two faces that face each other.
 fn facing((k, of_k): (&Face<'_>, Cells<'_>), (l, of_l): (&Face<'_>, Cells<'_>)) -> Option<u64> {
-    let first = above(k, of_k, l)?;
-    Some(if first == 0 { 0 } else { first * above(l, of_l, k)? })
+    let first = above(k, of_k, l)?.count();
+    Some(if first == 0 { 0 } else { first * above(l, of_l, k)?.count() })
+}
+
+/// Facets of a face that reach above the plane of another.
+enum Above {
+    /// So many: all or none.
+    Whole(u64),
+    /// These.
+    Some(Vec<u32>),
+}
+
+impl Above {
+    fn count(&self) -> u64 {
+        match self {
+            Self::Whole(count) => *count,
+            Self::Some(facets) => facets.len() as u64,
+        }
+    }
+
+    /// The facets, of a face that has all of these.
+    fn facets(self, (begin, end): Range) -> Vec<u32> {
+        match self {
+            Self::Whole(0) => Vec::new(),
+            Self::Whole(_) => (begin..end).collect(),
+            Self::Some(facets) => facets,
+        }
+    }
 }
 
 /// Facets of a face with a corner above the plane of another.
-fn above(face: &Face<'_>, cells: Cells<'_>, plane: &Face<'_>) -> Option<u64> {
+fn above(face: &Face<'_>, cells: Cells<'_>, plane: &Face<'_>) -> Option<Above> {
     let slack = face.slack.max(plane.slack);
     let over = |v: &DVec3| plane.polygon.signed_distance(*v) > slack;
     let of_face = face.polygon.vertices();
     if !of_face.iter().any(over) {
-        return Some(0);
+        return Some(Above::Whole(0));
     }
     // Where at most one edge lies in the plane every cell reaches above it; where a corner lies below, some may not.
     if of_face.iter().all(|v| plane.polygon.signed_distance(*v) >= -slack) {
-        return Some(cells.len());
+        return Some(Above::Whole(cells.len()));
     }
     let Cells::Meshed(facets, (begin, end)) = cells else { return None };
     let reaches = |e: &u32| facets.polygons(*e as usize).iter().any(|polygon| polygon.vertices().iter().any(over));
-    Some((begin..end).filter(reaches).count() as u64)
+    Some(Above::Some((begin..end).filter(reaches).collect()))
 }

@@ -7,22 +7,19 @@ use std::time::{Duration, Instant};
 
 use radiosity_core::{BandValues, Bands, Certificate, Cost, Form, FormFactors as _, Observer, Outcome, Solution};
 use radiosity_form_factors::stores::{DiagonalBlocks, Keep, OnDemand, Part};
-use radiosity_form_factors::{Numbers, PairwiseRows, Rows, SelectedRows};
+use radiosity_form_factors::{MirroredRows, Mirrors, Numbers, PairwiseRows, Rows, SelectedRows};
 use radiosity_geometry::Facets;
 
-use super::{Band, BandPlan, Plan, Role};
+use super::{Band, BandPlan, Plan, Role, symmetry};
 use crate::bounded::By;
 use crate::estimate::{analytic, ends};
 use crate::hierarchical::solve_by_links;
-use crate::run::{Check, Known, Made, solve_stored, unblocked};
+use crate::run::{Check, Known, Made, run_meshed, solve_stored, unblocked};
 use crate::thin::fill_thinned;
 use crate::{Geometry, Method, Phase, Run, RunError, Shape, Store, Strategy};
 
-/// Elements on the surfaces that a test picks, ascending.
-type Chosen<'a> = dyn Fn(&dyn Fn(usize) -> bool) -> Vec<u32> + 'a;
-
 /// What takes part in a system, by its numbers among all that is exposed, ascending.
-struct Selection {
+pub(super) struct Selection {
     elements: Vec<u32>,
     patches: Vec<u32>,
 }
@@ -35,12 +32,38 @@ impl Selection {
     }
 
     /// Numbers of sources and targets.
-    fn ends(&self, form: Form) -> [&[u32]; 2] {
+    pub(super) fn ends(&self, form: Form) -> [&[u32]; 2] {
         match form {
             Form::Full => [&self.elements, &self.elements],
             Form::ElementsToPatches => [&self.elements, &self.patches],
             Form::PatchesToElements => [&self.patches, &self.elements],
         }
+    }
+}
+
+/// What exchanges light in one room.
+pub(super) struct System<'a> {
+    room: u32,
+    part: Geometry<'a>,
+    pub(super) selection: Selection,
+    /// Which of its rows are mirror images.
+    pub(super) mirrors: Option<Mirrors>,
+}
+
+impl Plan {
+    /// The systems of all rooms in which something is to be solved.
+    pub(super) fn systems<'a>(&self, whole: &Geometry<'a>, strategy: &Strategy) -> Vec<System<'a>> {
+        let surfaces = whole.surfaces();
+        let of_room = |room: u32| {
+            let takes_part = |s: usize| self.room[s] == room && self.roles[s] == Role::Exchanges;
+            let mut elements: Vec<u32> = (0..surfaces.len() as u32).collect();
+            elements.retain(|&e| takes_part(surfaces[e as usize] as usize));
+            let part = whole.part(&elements, &self.bands.solved, self.keeps_rows()).among(&|s| self.room[s] == room);
+            let mirrors = self.symmetry.then(|| symmetry::mirrors(&part, strategy)).flatten();
+            let selection = Selection::new(whole, &part, elements);
+            System { room, part, selection, mirrors }
+        };
+        self.lit_rooms().into_iter().map(of_room).collect()
     }
 }
 
@@ -53,11 +76,17 @@ fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
 pub(crate) fn follow<'a>(
     plan: &Plan,
     geometry: Geometry<'a>,
-    meshing: Phase,
+    mut meshing: Phase,
     strategy: &Strategy,
     observer: &mut dyn Observer,
 ) -> Result<Run<'a>, RunError> {
-    let savings = plan.left_out(&geometry, strategy);
+    let clock = Instant::now();
+    let mut systems = plan.systems(&geometry, strategy);
+    meshing.time += clock.elapsed();
+    if !plan.omits() && systems.iter().all(|system| system.mirrors.is_none()) {
+        return run_meshed(geometry, meshing, strategy, observer);
+    }
+    let savings = plan.left_out_of(&geometry, strategy, &systems);
     let surfaces = geometry.surfaces();
     let chosen = |is: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..surfaces.len() as u32).filter(|&e| is(surfaces[e as usize] as usize)).collect()
@@ -67,11 +96,18 @@ pub(crate) fn follow<'a>(
     let mut made = if elements.is_empty() {
         nothing_emits(&geometry, strategy)
     } else {
-        let lit = plan.lit_rooms();
-        let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
-        let part = part.among(&|s| lit.binary_search(&plan.room[s]).is_ok());
-        let all = Selection::new(&geometry, &part, elements);
-        let mut made = solve_part(plan, &geometry, (&part, &all), strategy, &chosen, observer)?;
+        let mirrors = systems.iter_mut().map(|system| system.mirrors.take()).collect();
+        let union;
+        let (part, all) = if let [one] = &systems[..] {
+            (&one.part, &one.selection)
+        } else {
+            let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
+            let part = part.among(&|s| systems.iter().any(|system| system.room == plan.room[s]));
+            let all = Selection::new(&geometry, &part, elements);
+            union = (part, all);
+            (&union.0, &union.1)
+        };
+        let mut made = solve_part(&geometry, (part, all), (&systems, mirrors), strategy, observer)?;
         let clock = Instant::now();
         made.checked = made.checked.map(|checked| checked.renamed(all.ends(strategy.shape.form())));
         let h = &made.solution.irradiance;
@@ -94,7 +130,7 @@ pub(crate) fn follow<'a>(
             let black = chosen(&|s| in_room(s, Role::Receives));
             let senders = chosen(&|s| in_room(s, Role::Exchanges));
             if !black.is_empty() {
-                let (found, cost) = gathered(&geometry, &all, (&black, senders), &in_this_room, &sent, strategy)?;
+                let (found, cost) = gathered(&geometry, all, (&black, senders), &in_this_room, &sent, strategy)?;
                 made.solution.cost += cost;
                 let all = std::iter::once(&mut irradiance).chain(bounds.iter_mut().map(|by| &mut by.values));
                 found.iter().zip(all).for_each(|(found, all)| fill_in(&plan.bands, &black, found, all));
@@ -157,36 +193,30 @@ fn selected_rows<'r>(
 
 /// Solves the system of what exchanges light: one store a room.
 fn solve_part(
-    plan: &Plan,
     whole: &Geometry<'_>,
     (part, all): (&Geometry<'_>, &Selection),
+    (systems, mirrors): (&[System<'_>], Vec<Option<Mirrors>>),
     strategy: &Strategy,
-    chosen: &Chosen<'_>,
     observer: &mut dyn Observer,
 ) -> Result<Made, RunError> {
     if let Store::Hierarchical { error, direct } = strategy.store {
         return solve_by_links(part, strategy, (error, direct), observer);
     }
     let form = strategy.shape.form();
-    let rooms = plan.lit_rooms();
-    if rooms.len() == 1 {
-        let rows = selected_rows(whole, (part, all), None, strategy)?;
-        let (store, known) = fill_thinned(part, rows, unblocked(strategy.method), strategy)?;
-        return solve_stored(part, store.store(), known, strategy, None, observer);
-    }
-    let of_room = |room: u32| {
-        let elements = chosen(&|s| plan.room[s] == room && plan.roles[s] == Role::Exchanges);
-        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows()).among(&|s| plan.room[s] == room);
-        let selection = Selection::new(whole, &own, elements);
-        (own, selection)
-    };
-    let systems: Vec<(Geometry<'_>, Selection)> = rooms.into_iter().map(of_room).collect();
     let mut form_factors = Phase::default();
     let mut blocks: Vec<Part<'_>> = Vec::new();
     let mut thinned = Vec::new();
     let [all_sources, all_targets] = all.ends(form);
-    for (own, selection) in &systems {
+    for (System { part: own, selection, .. }, mirrors) in systems.iter().zip(mirrors) {
         let rows = selected_rows(whole, (own, selection), None, strategy)?;
+        let rows = match mirrors {
+            Some(mirrors) => Box::new(MirroredRows::new(rows, mirrors)),
+            None => rows,
+        };
+        if systems.len() == 1 {
+            let (store, known) = fill_thinned(own, rows, unblocked(strategy.method), strategy)?;
+            return solve_stored(own, store.store(), known, strategy, None, observer);
+        }
         let (store, known) = fill_thinned(own, rows, None, strategy)?;
         form_factors.cost += known.form_factors.cost;
         form_factors.time += known.form_factors.time;

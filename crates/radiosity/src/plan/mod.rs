@@ -7,10 +7,11 @@
 //! | form factors between rooms | a closed shell parts them: 0 | `rooms.rs` |
 //! | black surfaces as unknowns | they send nothing; H is gathered once | `roles.rs` |
 //! | bands | they are 0, or multiples of others | `bands.rs` |
+//! | rows that mirror others | isometries map the mesh onto itself: found on it, copied in the store | `symmetry.rs` |
 //!
 //! Each changes the answer by rounding only. Omissions of the estimators (pairs that face away, polygons that cannot block, empty shafts) are
 //! made there and need no plan. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
-//! [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
+//! symmetries are looked for when there is a mesh, in O(m); [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
 //! observers; the answer is of all elements.
 //!
 //! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
@@ -24,6 +25,7 @@ mod roles;
 mod rooms;
 mod size;
 mod store;
+mod symmetry;
 
 use radiosity_core::Direction;
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -92,6 +94,8 @@ pub struct Plan {
     pub bands: BandPlan,
     /// Whether what only blocks has no elements.
     bare: bool,
+    /// Whether rows that mirror others are copied, if the mesh has such.
+    symmetry: bool,
 }
 
 impl Plan {
@@ -125,19 +129,25 @@ impl Plan {
         };
         let bands =
             if omits(Omission::Bands) { BandPlan::new(scene.bands(), data) } else { BandPlan::all(scene.bands()) };
-        Self { off, roles, room, bands, bare: !numbers_count(strategy) }
+        let symmetry = omits(Omission::Symmetry) && symmetry::copies(strategy);
+        Self { off, roles, room, bands, bare: !numbers_count(strategy), symmetry }
     }
 
     /// The plan that leaves nothing out.
     fn everything(scene: &Scene) -> Self {
         let n = scene.surfaces.len();
         let bands = BandPlan::all(scene.bands());
-        Self { off: None, roles: vec![Role::Exchanges; n], room: vec![0; n], bands, bare: false }
+        Self { off: None, roles: vec![Role::Exchanges; n], room: vec![0; n], bands, bare: false, symmetry: false }
     }
 
-    /// Whether it leaves anything out.
+    /// Whether it leaves anything out, whatever the mesh: rows that mirror others are found on that.
     pub fn omits(&self) -> bool {
         self.roles.iter().any(|role| *role != Role::Exchanges) || self.rooms() > 1 || self.bands.omits()
+    }
+
+    /// Whether it may leave anything out on some mesh.
+    pub(crate) fn may_omit(&self) -> bool {
+        self.omits() || self.symmetry
     }
 
     /// Meshes `scene` as `strategy` says, but for surfaces that only block; all of it if rows are drawn by the numbers of elements.

@@ -15,11 +15,13 @@ pub enum Omission {
     Black,
     /// Bands that are 0 or follow from others.
     Bands,
+    /// Rows that are mirror images of others.
+    Symmetry,
 }
 
 impl Omission {
     /// All of them, in the order in which savings are counted.
-    pub const ALL: [Self; 5] = [Self::Blockers, Self::Dark, Self::Rooms, Self::Black, Self::Bands];
+    pub const ALL: [Self; 6] = [Self::Blockers, Self::Dark, Self::Rooms, Self::Black, Self::Bands, Self::Symmetry];
 
     /// The name used in tables.
     pub fn name(&self) -> &'static str {
@@ -29,6 +31,7 @@ impl Omission {
             Self::Rooms => "rooms apart",
             Self::Black => "black faces",
             Self::Bands => "bands",
+            Self::Symmetry => "symmetry",
         }
     }
 
@@ -40,6 +43,7 @@ impl Omission {
             Self::Rooms => "closed walls part them: 0",
             Self::Black => "black faces send nothing: what arrives is gathered once, at the end",
             Self::Bands => "nothing emits in them, or they are multiples of others",
+            Self::Symmetry => "they are mirror images of rows that are computed",
         }
     }
 }
