@@ -23,7 +23,7 @@ use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
 use radiosity_plot::{Axis, Figure, Panel, Point, Quality, Series, numbers};
 
-use crate::common::{cornell, counts};
+use crate::common::{cornell, counts, left_out};
 
 /// The experiment.
 pub struct LeftOut;
@@ -216,6 +216,9 @@ fn omissions(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
             .int("flops", cost.flops);
         let (record, as_predicted) = savings(record, run);
         let sound = apart <= EXACT && as_predicted;
+        if *name == EVERYTHING {
+            left_out(context, case.name, strategy, &run.geometry, Some(run));
+        }
         let mut record = record.float("difference", apart).text("outcome", outcome(run, sound));
         if *name == NOTHING {
             record = by_themselves(record, case, run);

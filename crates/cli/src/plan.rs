@@ -68,33 +68,20 @@ pub fn store_line(store: Store, reason: StoreReason) -> String {
     format!("store {}: {reason}", store.name())
 }
 
-/// What is saved, in words; empty if nothing that is counted.
-fn saved(counts: &Counts) -> String {
-    let saved = [
-        (Some(counts.unknowns), "unknowns"),
-        (counts.form_factors, "form factors"),
-        (counts.rows, "rows"),
-        (counts.rays, "rays"),
-        (Some(counts.bands), "bands"),
-    ];
-    let saved = saved.into_iter().filter_map(|(count, what)| Some((count.filter(|n| *n > 0)?, what)));
-    let saved: Vec<String> = saved.map(|(count, what)| format!("{count} {what}")).collect();
-    saved.join(", ")
-}
-
 /// A line for each thing left out, and one on what all of them saved.
 pub fn lines(savings: &Savings) -> Vec<String> {
     let line = |left: &LeftOut| {
-        let saved = saved(&left.predicted);
+        let saved = left.predicted.to_string();
         let saved = if saved.is_empty() { saved } else { format!("; saves {saved}") };
         format!("left out: {}: {}{saved}", left.what, left.omission.reason())
     };
     let mut lines: Vec<String> = savings.list.iter().map(line).collect();
     if let (Some(measured), false) = (&savings.measured, lines.is_empty()) {
-        let (predicted, measured) = (saved(&savings.predicted), saved(measured));
-        lines.push(match predicted == measured {
-            true => format!("saved: {measured}, as predicted"),
-            false => format!("saved: {measured}; predicted: {predicted}"),
+        let predicted = &savings.predicted;
+        lines.push(if predicted == measured {
+            format!("saved: {measured}, as predicted")
+        } else {
+            format!("saved: {measured}; predicted: {predicted}")
         });
     }
     lines
