@@ -48,6 +48,11 @@ fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
     some.iter().map(|k| all.binary_search(k).expect("a part of all") as u32).collect()
 }
 
+/// A part of which pairs are blocked by what `between` names alone; rows of rays and hemicubes are those of the whole.
+fn among<'a>(part: Geometry<'a>, strategy: &Strategy, between: &dyn Fn(usize) -> bool) -> Geometry<'a> {
+    if matches!(strategy.method, Method::Analytic { .. }) { part.among(between) } else { part }
+}
+
 /// Solves by `strategy` what `plan` keeps of `geometry`.
 pub(crate) fn follow<'a>(
     plan: &Plan,
@@ -68,7 +73,7 @@ pub(crate) fn follow<'a>(
     } else {
         let lit = plan.lit_rooms();
         let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
-        let part = part.among(&|s| lit.binary_search(&plan.room[s]).is_ok());
+        let part = among(part, strategy, &|s| lit.binary_search(&plan.room[s]).is_ok());
         let all = Selection::new(&geometry, &part, elements);
         let mut made = solve_part(plan, &geometry, (&part, &all), strategy, &chosen, observer)?;
         let clock = Instant::now();
@@ -160,7 +165,8 @@ fn solve_part(
     }
     let of_room = |room: u32| {
         let elements = chosen(&|s| plan.room[s] == room && plan.roles[s] == Role::Exchanges);
-        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows()).among(&|s| plan.room[s] == room);
+        let own = whole.part(&elements, &plan.bands.solved, plan.keeps_rows());
+        let own = among(own, strategy, &|s| plan.room[s] == room);
         let selection = Selection::new(whole, &own, elements);
         (own, selection)
     };
@@ -193,7 +199,7 @@ fn gathered(
     solution: &Solution,
     strategy: &Strategy,
 ) -> Result<(BandValues, Cost), RunError> {
-    let own = whole.part(&senders, &[], false).among(in_room);
+    let own = among(whole.part(&senders, &[], false), strategy, in_room);
     let selection = Selection::new(whole, &own, senders);
     let facets = whole.elements().select(black);
     let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;
