@@ -20,7 +20,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 use radiosity_solvers::GaussSeidel;
 
-use crate::common::{GRID, cornell, cornell_truth, exponent, picture, picture_side, record, times, value};
+use crate::common::{GRID, cornell, cornell_truth, exponent, left_out, picture, picture_side, record, times, value};
 
 /// Points along an edge of a face where the exact scenes are compared.
 const POINTS: u32 = 128;
@@ -86,6 +86,7 @@ impl Experiment for Patches {
                 let line = record(format!("cornell/{}/{k}", method.name()), &strategy, &measured)
                     .text("scene", "Cornell box")
                     .float("reference_error", reference_error);
+                left_out(context, "Cornell box", &strategy, &measured.run.geometry, Some(&measured.run));
                 context.record(times(line, &scene, &strategy, &measured)?);
                 context.tick(format!("Cornell box, {k} × {k} by {}", method.name()));
             }

@@ -22,7 +22,7 @@ use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 
-use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, record_of, times_of, value};
+use crate::common::{GRID, cornell, cornell_truth, counts, described, exponent, left_out, record_of, times_of, value};
 use crate::common::{linear_picture, picture, picture_side};
 use crate::points;
 use crate::truth::{Truth, pairs_truth};
@@ -274,6 +274,7 @@ impl Experiment for Substructuring {
                             .text("scene", case.name)
                             .text("series", series)
                             .float("reference_error", reference_error);
+                        left_out(context, case.name, &strategy, &run.geometry, Some(&run));
                         context.record(times_of(line, &case.scene, &strategy, &run)?);
                         context.tick(key);
                     }

@@ -18,7 +18,7 @@ use radiosity_geometry::mesh::Subdivision;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
-use crate::common::{counts, described};
+use crate::common::{counts, described, left_out};
 
 /// The experiment.
 pub struct FormFactorErrors;
@@ -90,6 +90,7 @@ impl Experiment for FormFactorErrors {
             let mesh = Strategy::new(Subdivision::Uniform(elements), REFERENCE).mesh;
             let geometry = Geometry::new(scene, &mesh)?;
             let (reference, _) = assemble(&geometry, REFERENCE, Form::Full, Store::Dense, 99)?;
+            left_out(context, name, &Strategy::new(Subdivision::Uniform(elements), REFERENCE), &geometry, None);
             context.tick(format!("{name}: reference"));
             for &method in &methods {
                 // Where nothing blocks there are no segments.

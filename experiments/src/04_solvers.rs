@@ -24,7 +24,7 @@ use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 use radiosity_solvers::{NAMES, STOCHASTIC};
 
 use crate::changes;
-use crate::common::{GRID, cornell, counts, described, record, times, with_reflectance};
+use crate::common::{GRID, cornell, counts, described, left_out, record, times, with_reflectance};
 use crate::truth::{Fineness, truth};
 
 /// The experiment.
@@ -142,6 +142,7 @@ impl Experiment for Solvers {
                     .text("kind", "run")
                     .float("reflectance", rho)
                     .float("reference_error", reference_error);
+                left_out(context, "Cornell box", strategy, &measured.run.geometry, Some(&measured.run));
                 context.record(times(line, &scene, strategy, &measured)?);
                 context.tick(key);
             }

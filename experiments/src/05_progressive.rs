@@ -12,7 +12,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use radiosity::{Geometry, GridValues, Method, Store, assemble};
+use radiosity::{Geometry, GridValues, Method, Shape, Store, Strategy, assemble};
 use radiosity_core::{BandValues, Cost, Direction, Form, Iterate, Observer, Step, StopRule, System, solve};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, Tables};
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
@@ -20,7 +20,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Dash, Figure, Panel, Series};
 use radiosity_solvers::{Jacobi, Shooting, ambient};
 
-use crate::common::{GRID, cornell, cornell_truth, counts, picture, picture_side, setting};
+use crate::common::{GRID, cornell, cornell_truth, counts, left_out, picture, picture_side, setting};
 
 /// The experiment.
 pub struct Progressive;
@@ -99,7 +99,12 @@ impl Experiment for Progressive {
                     contacts: true,
                 };
                 let geometry = Geometry::new(&scene, &settings)?;
-                let form = if substructured { Form::PatchesToElements } else { Form::Full };
+                let (shape, form) = match substructured {
+                    true => (Shape::PatchesToElements, Form::PatchesToElements),
+                    false => (Shape::Full, Form::Full),
+                };
+                let strategy = Strategy { mesh: settings, shape, ..Strategy::new(settings.elements, method) };
+                left_out(context, "Cornell box", &strategy, &geometry, None);
                 let (store, _) = assemble(&geometry, method, form, Store::KeepAll, 1)?;
                 let (e, rho) = (geometry.emission(), geometry.reflectance());
                 let areas = geometry.elements().areas();

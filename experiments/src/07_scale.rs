@@ -23,7 +23,7 @@ use radiosity_plot::fit::PowerLaw;
 use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 
-use crate::common::{GRID, cornell, cornell_truth, counts, exponent, value};
+use crate::common::{GRID, cornell, cornell_truth, counts, exponent, left_out, value};
 
 /// The experiment.
 pub struct Scale;
@@ -136,6 +136,7 @@ impl Experiment for Scale {
                 let run = radiosity::run(&scene, &strategy(name, k), &mut ())?;
                 let error = GridValues::means(&run.geometry, &run.solution.irradiance, GRID)?.error(&truth.grid);
                 let record = line(format!("Cornell box/{name}/{k}"), name, &run, &error, truth.error);
+                left_out(context, "Cornell box", &strategy(name, k), &run.geometry, Some(&run));
                 context.record(record.text("scene", "Cornell box"));
                 context.tick(format!("Cornell box, {k} × {k}, {name}"));
             }
@@ -157,6 +158,8 @@ impl Experiment for Scale {
                 let plain = Strategy { unshot: 1e-6, verify: false, ..Strategy::new(Subdivision::Uniform(1), method) };
                 let strategy = Strategy { store: Store::Sparse, solver: "jacobi".to_owned(), ..plain };
                 let run = radiosity::run(&scene, &strategy, &mut ())?;
+                let name = format!("city of {} facets", scene.surfaces.len());
+                left_out(context, &name, &strategy, &run.geometry, Some(&run));
                 runs.push((rays, grid(&run), run));
                 context.tick(format!("city of {} facets, {rays} rays", scene.surfaces.len()));
             }
@@ -177,7 +180,9 @@ impl Experiment for Scale {
         let (boxes, edge) = rooms(profile);
         for boxes in boxes {
             let scene = crowded_room(boxes, 1);
-            let run = radiosity::run(&scene, &by_links(&scene, Subdivision::EdgeLength(edge), LINK_ERROR), &mut ())?;
+            let strategy = by_links(&scene, Subdivision::EdgeLength(edge), LINK_ERROR);
+            let run = radiosity::run(&scene, &strategy, &mut ())?;
+            left_out(context, &format!("room of {boxes} boxes"), &strategy, &run.geometry, Some(&run));
             let record = described(format!("crowded room/{boxes}/links"), "hierarchical", &run);
             context.record(record.text("scene", "crowded room").int("boxes", boxes as usize));
             context.tick(format!("room of {boxes} boxes, links"));

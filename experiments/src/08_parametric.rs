@@ -23,7 +23,7 @@ use radiosity_plot::numbers;
 use radiosity_plot::{Axis, Figure, Panel, Series};
 use serde::Serialize;
 
-use crate::common::{GRID, counts, kept, value};
+use crate::common::{GRID, counts, kept, left_out, value};
 use crate::truth::{nested_rays_truth, pairs_truth};
 
 /// The experiment.
@@ -286,6 +286,8 @@ impl Experiment for Parametric {
                         .float("worst_cell", error.worst)
                         .float("reference_error", member.reference_error)
                         .seconds("time", run.seconds());
+                    let scene = format!("{} {}", member.family, member.parameter);
+                    left_out(context, &scene, &strategy, &run.geometry, Some(&run));
                     context.record(record);
                     if last {
                         break;

@@ -34,7 +34,7 @@ use radiosity_render::{
 };
 use rayon::prelude::*;
 
-use crate::common::{counts, exponent};
+use crate::common::{counts, exponent, left_out};
 
 /// The experiment.
 pub struct SpecularCost;
@@ -321,6 +321,8 @@ impl Experiment for SpecularCost {
             let known = Known::of(name, &scene, profile)?;
             show(context, &format!("{slug}-reference"), &format!("{name}: path tracing"), side, &known.picture.0)?;
             context.tick(format!("{name}, references"));
+            let plain = Strategy::new(Subdivision::Uniform(meshes[0].0), Method::rays(1));
+            left_out(context, name, &plain, &Geometry::of_strategy(&scene, &plain)?, None);
             let of = (name, &scene, &known);
             for (k, edges) in &meshes {
                 for &edge in edges {

@@ -27,7 +27,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
-use radiosity::{EnhancedRun, LinearIrradiance, Method, SpecularBy, SpecularTransport, Store, Strategy, run_enhanced};
+use radiosity::{
+    EnhancedRun, Geometry, LinearIrradiance, Method, SpecularBy, SpecularTransport, Store, Strategy, run_enhanced,
+};
 use radiosity_core::Cost;
 use radiosity_experiments::{Context, Experiment, Profile, REFERENCES, Record, Row, SeriesOfRows, Tables, group_by};
 use radiosity_form_factors::extended::SpecularBounces;
@@ -43,7 +45,7 @@ use radiosity_render::{
 };
 
 use crate::classes;
-use crate::common::value;
+use crate::common::{left_out, value};
 
 /// The experiment.
 pub struct TwoPasses;
@@ -530,6 +532,9 @@ impl Experiment for TwoPasses {
         let plain = diffuse(&scene);
         let reference = reference(context, &scene)?;
         context.tick("reference");
+        let edge = ways.iter().map(|way| way.edge).fold(0.0, f64::max);
+        let coarse = Strategy::new(Subdivision::EdgeLength(edge), Method::rays(1));
+        left_out(context, "Cornell box of mirrors", &coarse, &Geometry::of_strategy(&scene, &coarse)?, None);
         let level = mean(reference.film.means().into_iter());
         let path_tracing =
             Way { kind: Kind::PathTracing, gather: 0, edge: 0.0, by_noise: false, rounds: reference.film.rounds };

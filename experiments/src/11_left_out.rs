@@ -6,7 +6,8 @@
 //! grey room to a tower of furnished rooms: everything kept, every omission that the scene allows alone, and all of them; counts are exact, times come from interleaved repeats and are those
 //! of whole runs, plan and mesh included. The difference is the largest of irradiance over what is asked for, relative to the largest irradiance of its band; more than 1e-12, or a saving that is not
 //! the one predicted, counts as failed. What estimators leave out by themselves is counted where everything is kept: polygons that can block nothing, pairs that face
-//! away, and pairs with nothing between them. The empty grey room is solved a second time as the program does it, and as a library call on a scene of one band with store and solver picked by hand, of
+//! away, and pairs with nothing between them. What scenes without mirrors save of light by way of them (extended form factors; directions and a second pass are never there) is measured by
+//! mirrors on every surface that reflect nothing: the same light, with form factors that nobody knows to be 0. With true mirrors all of that is needed. The empty grey room is solved a second time as the program does it, and as a library call on a scene of one band with store and solver picked by hand, of
 //! which the fastest counts; a call by hand computes all rows, and so does the program once more, since a room is a box and its rows mirror each other. Beside that, what an error allows:
 //! pairs and bounces of a furnished room within some errors, with what they change beside the bound that was reported, and what
 //! refinement for a view of one of two rooms computes. Read: bars below 1 are work that was not needed. Not shown: instructions of a plan, which a profiler counts.
@@ -18,18 +19,20 @@ use std::time::Instant;
 use glam::DVec3;
 use radiosity::plan::{Omission, Omissions};
 use radiosity::{Adaptive, Goal, GridValues, run_adaptive};
-use radiosity::{Geometry, Method, Phase, Plan, Run, RunError, Store, Strategy, run_meshed, run_planned};
+use radiosity::{Geometry, Method, Phase, Plan, Run, RunError, Store, Strategy, run_enhanced, run_meshed, run_planned};
+use radiosity::{SpecularBy, SpecularTransport};
 use radiosity_core::{Cost, Outcome};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, Tables, group_by};
+use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_gallery::boxes::{faces, material, scene_of_loops, unit_cube};
 use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, two_rooms};
 use radiosity_gallery::{city, crowded_room};
-use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
+use radiosity_geometry::{Scene, Specular};
 use radiosity_plot::{Axis, Figure, Panel, Point, Quality, Series, numbers};
 use radiosity_render::Camera;
 
-use crate::common::{cornell, counts};
+use crate::common::{cornell, counts, left_out};
 
 /// The experiment.
 pub struct LeftOut;
@@ -41,6 +44,12 @@ const EXACT: f64 = 1e-12;
 /// Names of the runs that leave out nothing and all they can.
 const NOTHING: &str = "nothing";
 const EVERYTHING: &str = "all";
+/// Light by way of specular surfaces, where there are none.
+const NOT_SPECULAR: &str = "specular light";
+/// Rays of a row of form factors by way of specular surfaces.
+const SPECULAR_RAYS: u32 = 64;
+/// Diffuse scenes that are solved with and without light by way of specular surfaces.
+const DIFFUSE: [&str; 3] = ["grey room", "Cornell box", "furnished"];
 /// The lit one of two rooms, with no other beside it.
 const ALONE: &str = "lit room alone";
 /// The program, beside picks by hand, and the program without copies of mirror images.
@@ -248,6 +257,9 @@ fn omissions(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
             .int("flops", cost.flops);
         let (record, as_predicted) = savings(record, run);
         let sound = apart <= EXACT && as_predicted;
+        if *name == EVERYTHING {
+            left_out(context, case.name, strategy, &run.geometry, Some(run));
+        }
         let mut record = record.float("difference", apart).text("outcome", outcome(run, sound));
         if *name == NOTHING {
             record = by_themselves(record, case, run);
@@ -282,7 +294,15 @@ fn lit_room_alone(context: &mut Context) -> Result<(), Box<dyn Error>> {
     let elements = mesh(&two, context.profile());
     let strategy = Strategy { unshot: UNSHOT, omit: Omissions::ALL, ..Strategy::new(elements, Method::ANALYTIC) };
     let (both, chosen, _) = planned(&two, &strategy)?;
-    let (alone, _, seconds) = planned(&one, &strategy)?;
+    let (alone, _, first) = planned(&one, &strategy)?;
+    // Both in turn, since what else the machine does comes and goes.
+    let (mut seconds, mut with_dark) = (vec![first], Vec::new());
+    for repetition in 0..context.profile().pick(1, 7, 9) {
+        with_dark.push(planned(&two, &strategy)?.2);
+        if repetition > 0 {
+            seconds.push(planned(&one, &strategy)?.2);
+        }
+    }
     // Of two rooms wall to wall the walls between may block, by what a face alone tells; none does.
     let counted = |run: &Run<'_>| {
         let cost = run.cost();
@@ -302,7 +322,7 @@ fn lit_room_alone(context: &mut Context) -> Result<(), Box<dyn Error>> {
         .int("flops", alone.cost().flops)
         .float("difference", apart)
         .text("outcome", outcome(&alone, sound && apart <= EXACT));
-    context.record(record.seconds("time", seconds));
+    context.record(record.repetitions("time", &seconds).repetitions("with_dark_time", &with_dark));
     context.tick(ALONE);
     Ok(())
 }
@@ -354,6 +374,64 @@ fn within_an_error(context: &mut Context) -> Result<(), Box<dyn Error>> {
         context.record(record.seconds("time", seconds));
     }
     context.tick(WITHIN);
+    Ok(())
+}
+
+/// The scene with a mirror that reflects nothing on every surface: light by way of it is 0, which nobody is told.
+fn with_black_mirrors(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for material in &mut scene.materials {
+        material.specular = Some(Specular::Mirror { reflectance: vec![0.0; material.emission.len()] });
+    }
+    scene
+}
+
+/// A diffuse scene solved with light by way of specular surfaces: with mirrors that reflect nothing, whose form factors are computed, and without any, where they are left out.
+fn specular_light(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
+    let (kept, profile) = (with_black_mirrors(&case.scene), context.profile());
+    let elements = mesh(&case.scene, profile);
+    let plain = Strategy { unshot: UNSHOT, verify: false, ..Strategy::new(elements, case.method) };
+    let strategy = Strategy { solver: "gauss-seidel".to_owned(), ..plain };
+    let transport = SpecularTransport { bounces: SpecularBounces::Any, by: SpecularBy::Rays(SPECULAR_RAYS) };
+    let ways = [(NOTHING, &kept), (NOT_SPECULAR, &case.scene)];
+    let (mut seconds, mut runs) = ([Vec::new(), Vec::new()], Vec::new());
+    for repetition in 0..profile.pick(1, 3, 5) {
+        for ((_, scene), seconds) in ways.iter().zip(&mut seconds) {
+            let clock = Instant::now();
+            let run = run_enhanced(scene, &strategy, transport, &mut ())?;
+            seconds.push(clock.elapsed().as_secs_f64());
+            if repetition == 0 {
+                runs.push(run.run);
+            }
+        }
+    }
+    let answer = irradiance(&runs[0], None);
+    let rows = runs[1].form_factors.cost.source_evaluations;
+    let left = transport.left_out(&case.scene, rows, Some(0));
+    let predicted = left.and_then(|left| left.predicted);
+    let saved = runs[0].cost().rays - runs[1].cost().rays;
+    let name = format!("{}, mirrors", case.name);
+    for (((left_out, _), run), seconds) in ways.iter().zip(&runs).zip(&seconds) {
+        let apart = difference(&answer, &irradiance(run, None));
+        let mut record = counts(Record::new(format!("{name}/{left_out}")), &run.cost())
+            .text("scene", &name)
+            .text("left_out", left_out)
+            .text("method", case.method.name())
+            .text("store", strategy.store.name())
+            .int("elements", run.geometry.elements().len())
+            .int("steps", run.solution.steps)
+            .int("stored_bytes", run.stored_bytes)
+            .int("flops", run.cost().flops)
+            .float("difference", apart);
+        let mut sound = apart <= EXACT;
+        if *left_out == NOT_SPECULAR {
+            sound &= predicted == Some(saved);
+            let known = |count: Option<u64>| count.map_or_else(String::new, |count| count.to_string());
+            record = record.text("predicted_rays", known(predicted)).text("saved_rays", known(Some(saved)));
+        }
+        context.record(record.text("outcome", outcome(run, sound)).repetitions("time", seconds));
+    }
+    context.tick(name);
     Ok(())
 }
 
@@ -459,7 +537,8 @@ fn share(row: &Row<'_>, whole: &Row<'_>, column: &str) -> f64 {
 /// Scenes of which a plan leaves something out, with their rows: first the one that keeps everything.
 fn scenes(tables: &Tables) -> Vec<(String, Vec<Row<'_>>)> {
     let mut scenes = group_by(tables.rows(), "scene");
-    scenes.retain(|(name, rows)| ![BY_HAND, WITHIN].contains(&&**name) && rows.len() > 2);
+    let specular = |rows: &[Row<'_>]| rows.iter().any(|row| row.text("left_out") == NOT_SPECULAR);
+    scenes.retain(|(name, rows)| ![BY_HAND, WITHIN].contains(&&**name) && (rows.len() > 2 || specular(rows)));
     scenes
 }
 
@@ -491,19 +570,22 @@ impl Experiment for LeftOut {
 
     fn run(&self, context: &mut Context) -> Result<(), Box<dyn Error>> {
         let (cases, sizes) = (cases()?, sizes(context.profile()));
-        context.begin(cases.len() + 2 + sizes.len());
+        context.begin(cases.len() + 2 + DIFFUSE.len() + sizes.len());
         for case in &cases {
             omissions(context, case)?;
         }
         lit_room_alone(context)?;
         within_an_error(context)?;
+        for case in cases.iter().filter(|case| DIFFUSE.contains(&case.name)) {
+            specular_light(context, case)?;
+        }
         sizes.iter().try_for_each(|&k| grey_room_by_hand(context, k))
     }
 
     fn plots(&self, tables: &Tables) -> Vec<Figure> {
         let scenes = scenes(tables);
         let bars = |name: &str, title: &str, column: &str| {
-            let names = Omission::ALL.map(|one| one.name()).into_iter().chain([EVERYTHING]);
+            let names = Omission::ALL.map(|one| one.name()).into_iter().chain([NOT_SPECULAR, EVERYTHING]);
             let series = names.map(|left_out| {
                 let points = (0..).zip(&scenes).filter_map(|(n, (_, rows))| {
                     let row = rows.iter().find(|row| row.text("left_out") == left_out)?;
@@ -561,6 +643,11 @@ impl Experiment for LeftOut {
         let pairs = pairs.collect::<Vec<_>>().join(", ");
         let computed = |name: &str| of(name).first().map_or(f64::NAN, |row| row.number("form_factors"));
         let view = numbers::percent(computed(OF_THE_VIEW) / computed(EVERY_POINT));
+        let mirrors = scenes(tables).into_iter().filter_map(|(name, rows)| {
+            let row = rows.iter().find(|row| row.text("left_out") == NOT_SPECULAR && row.quality() == Quality::Good)?;
+            Some(format!("{name} {} rays of {}", row.text("saved_rays"), rows[0].text("rays")))
+        });
+        let mirrors: Vec<String> = mirrors.collect();
         let two_rooms = tables.select(|row| row.text("left_out") == ALONE);
         let alone =
             two_rooms.first().map_or("?", |row| if row.quality() == Quality::Good { "those" } else { "not those" });
@@ -577,7 +664,14 @@ impl Experiment for LeftOut {
             format!(
                 "Within an error a furnished room is left {pairs}; refinement for a view of one of two rooms takes {view} of the form factors of every point."
             ),
-            format!("Counts of two rooms of which one is lit are {alone} of the lit one alone."),
+            format!(
+                "Counts of two rooms of which one is lit are {alone} of the lit one alone{}.",
+                two_rooms.first().map_or_else(String::new, |row| format!(
+                    ", and their time {:.2} times its",
+                    row.number("with_dark_time_median") / median(row)
+                ))
+            ),
+            format!("Without mirrors light by way of them saves what was predicted: {}.", mirrors.join(", ")),
             format!("The empty grey room against the fastest pick by hand: {}.", hands.collect::<Vec<_>>().join(", ")),
         ]
     }

@@ -4,7 +4,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use radiosity::{ErrorMeasure, Geometry, GridValues, LinearRadiosity, Measured, Method, Run, Strategy, run};
+use radiosity::plan::{Anyway, Omissions, Savings};
+use radiosity::{ErrorMeasure, Geometry, GridValues, LinearRadiosity, Measured, Method, Plan, Run, Strategy, run};
 use radiosity_core::{BandValues, Cost};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::{Occluders, Scene};
@@ -173,6 +174,56 @@ pub fn times_of(record: Record, scene: &Scene, strategy: &Strategy, first: &Run<
         total.push(again.seconds());
     }
     Ok(record.repetitions("form_factor_time", &estimate).repetitions("solve_time", &solve).repetitions("time", &total))
+}
+
+/// Says in one line what was left out of runs on `scene`, by geometry and by the plan of `strategy`, and what that saved: predicted, and as counted in a `run` if there is one. Of runs
+/// that keep everything, so that their counts are of whole systems, it says what a plan would leave out.
+pub fn left_out(
+    context: &mut Context,
+    scene: &str,
+    strategy: &Strategy,
+    geometry: &Geometry<'_>,
+    run: Option<&Run<'_>>,
+) {
+    context.left_out(scene, || {
+        let mut parts: Vec<String> = Plan::new(geometry.scene(), strategy)
+            .anyway(geometry, strategy, run)
+            .iter()
+            .filter(|left| left.count() != Some(0))
+            .map(Anyway::to_string)
+            .collect();
+        let followed = strategy.omit != Omissions::NONE;
+        let savings = match run {
+            Some(run) if followed => run.left_out.clone(),
+            _ => {
+                let planned = Strategy { omit: Omissions::ALL, ..strategy.clone() };
+                Plan::new(geometry.scene(), &planned).left_out(geometry, &planned)
+            }
+        };
+        parts.push(by_plan(&savings, followed));
+        parts.join("; ")
+    });
+}
+
+/// What a plan leaves out, if it is `followed`, or would.
+fn by_plan(savings: &Savings, followed: bool) -> String {
+    let list: Vec<String> =
+        savings.list.iter().map(|left| format!("{} ({})", left.what, left.omission.reason())).collect();
+    let plan =
+        if followed { "a plan leaves out" } else { "kept for the sake of counts, though a plan would leave out" };
+    if list.is_empty() {
+        return format!(
+            "{} leaves out nothing more",
+            if followed { "a plan" } else { "a plan, which was not followed," }
+        );
+    }
+    let predicted = &savings.predicted;
+    let measured = match savings.measured {
+        Some(measured) if measured == *predicted => ", as predicted",
+        Some(_) => ", not as predicted",
+        None => "",
+    };
+    format!("{plan} {}, which saves {predicted}{measured}", list.join(", "))
 }
 
 /// The view into the Cornell box that its measurements were made for.

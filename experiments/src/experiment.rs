@@ -99,6 +99,8 @@ pub struct Context {
     bar: ProgressBar,
     pub(crate) recorder: Recorder,
     pub(crate) pictures: Vec<Picture>,
+    /// Scenes, with what was left out of runs on them.
+    pub(crate) left_out: Vec<(String, String)>,
 }
 
 impl Context {
@@ -109,7 +111,15 @@ impl Context {
         bar.set_style(ProgressStyle::with_template(template).expect("the template names known keys"));
         bar.set_prefix(name);
         let threads = rayon::current_num_threads();
-        Self { profile, threads, directory, bar, recorder: Recorder::default(), pictures: Vec::new() }
+        Self {
+            profile,
+            threads,
+            directory,
+            bar,
+            recorder: Recorder::default(),
+            pictures: Vec::new(),
+            left_out: Vec::new(),
+        }
     }
 
     /// How much may be spent.
@@ -152,6 +162,13 @@ impl Context {
     /// If its key was used before.
     pub fn record(&mut self, record: Record) {
         self.recorder.push(record);
+    }
+
+    /// Says once in one `line` what was left out of runs on `scene`, for the report beside the tables.
+    pub fn left_out(&mut self, scene: &str, line: impl FnOnce() -> String) {
+        if !self.left_out.iter().any(|(known, _)| known == scene) {
+            self.left_out.push((scene.to_owned(), line()));
+        }
     }
 
     /// Writes `name.png` from 8-bit sRGB pixels, row by row from the top.

@@ -8,7 +8,7 @@
 //! NN-slug/times.csv     seconds, joined to the counts by the column `run`
 //! NN-slug/run.json      profile, settings, machine, compiler, commit
 //! NN-slug/*.svg, *.png  figures, and the pictures that run.json lists
-//! index.html            all of it on one page that needs no other file
+//! index.html            all of it on one page, which shows the files beside it
 //! ```
 //!
 //! What is *not* here: the experiments themselves, which the program beside this library lists.

@@ -1,10 +1,8 @@
-//! The page of all results: one file that needs nothing beside it.
+//! The page of all results: its text, and links to the figures and pictures beside it, which a reader loads as they come into view.
 
 use std::fmt::Write;
 
-use crate::experiment::Picture;
 use crate::runner::Manifest;
-use radiosity_plot::FONT;
 use radiosity_plot::numbers;
 
 /// One experiment on the page.
@@ -18,8 +16,6 @@ pub struct Section {
     pub expects: String,
     /// Its figures.
     pub figures: Vec<Shown>,
-    /// Its pictures with the bytes of their files.
-    pub pictures: Vec<(Picture, Vec<u8>)>,
     /// What the numbers say.
     pub reading: Vec<String>,
     /// Runs that failed or were stopped early, with their outcome.
@@ -35,8 +31,6 @@ pub struct Shown {
     pub name: String,
     /// What stands under it.
     pub caption: String,
-    /// The SVG itself.
-    pub svg: String,
 }
 
 const STYLE: &str = "
@@ -44,7 +38,7 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-
 h1 { font-size: 1.7em; margin-bottom: .2em; } h2 { margin-top: 2.6em; border-top: 1px solid #ddd; padding-top: 1em; }
 h1, h2 { line-height: 1.25; font-weight: 600; } a { color: #0a58a6; }
 p, dl { max-width: 46em; } dt { font-weight: 600; margin-top: .6em; } dd { margin-left: 0; }
-figure { margin: 1.6em 0; } figure svg { max-width: 100%; height: auto; display: block; } figcaption { color: #555; font-size: .92em; max-width: 50em; }
+figure { margin: 1.6em 0; } figure > img { max-width: 100%; height: auto; display: block; } figcaption { color: #555; font-size: .92em; max-width: 50em; }
 .pictures { display: flex; flex-wrap: wrap; gap: 14px; } .pictures figure { margin: 0; flex: 0 1 258px; } .pictures img { width: 100%; height: auto; display: block; }
 table { border-collapse: collapse; font-size: .92em; } th, td { text-align: left; padding: .25em 1.1em .25em 0; border-bottom: 1px solid #e4e4e4; vertical-align: top; }
 td.number, th.number { text-align: right; } .reading { background: #f4f6f8; border-left: 4px solid #0a58a6; padding: .7em 1em; max-width: 46em; } .reading p { margin: .2em 0; }
@@ -59,10 +53,8 @@ pub fn html(sections: &[Section]) -> String {
         page,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>What a radiosity solution costs</title>\n<style>\
-         @font-face {{ font-family: \"DejaVu Sans\"; src: url(data:font/ttf;base64,{}); }}{STYLE}</style>\n</head>\n<body>\n\
+         <title>What a radiosity solution costs</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
          <h1>What a radiosity solution of a given accuracy costs</h1>\n",
-        base64(FONT)
     );
     overview(&mut page, sections);
     for section in sections {
@@ -109,24 +101,24 @@ fn write_section(page: &mut String, section: &Section) {
         }
         page.push_str("</div>\n");
     }
-    for Shown { name: figure, caption, svg } in &section.figures {
+    for Shown { name: figure, caption } in &section.figures {
         let _ = write!(
             page,
-            "<figure>\n{}\n<figcaption>{} <span class=\"small\">(<a href=\"{name}/{figure}.svg\">SVG</a>, \
+            "<figure>\n<img src=\"{name}/{figure}.svg\" alt=\"{figure}\" loading=\"lazy\">\n<figcaption>{} <span class=\"small\">(<a href=\"{name}/{figure}.svg\">SVG</a>, \
              <a href=\"{name}/{figure}.png\">PNG</a>)</span></figcaption>\n</figure>\n",
-            svg.trim_end(),
             escape(caption)
         );
     }
-    if !section.pictures.is_empty() {
+    let pictures = &section.manifest.pictures;
+    if !pictures.is_empty() {
         page.push_str("<div class=\"pictures\">\n");
-        for (picture, png) in &section.pictures {
+        for picture in pictures {
             let caption = escape(&picture.caption);
             let _ = writeln!(
                 page,
-                "<figure><img src=\"data:image/png;base64,{}\" width=\"{}\" height=\"{}\" alt=\"{caption}\">\
+                "<figure><img src=\"{name}/{}\" width=\"{}\" height=\"{}\" alt=\"{caption}\" loading=\"lazy\">\
                  <figcaption>{caption}</figcaption></figure>",
-                base64(png),
+                escape(&picture.file),
                 picture.width,
                 picture.height
             );
@@ -138,8 +130,21 @@ fn write_section(page: &mut String, section: &Section) {
         "<p>Tables: <a href=\"{name}/counts.csv\">counts, errors and outcomes</a>, <a href=\"{name}/times.csv\">times</a>, \
          <a href=\"{name}/run.json\">how they were made</a>.</p>"
     );
+    left_out(page, &section.manifest);
     troubled(page, section);
     machine(page, &section.manifest);
+}
+
+/// A line a scene.
+fn left_out(page: &mut String, manifest: &Manifest) {
+    if manifest.left_out.is_empty() {
+        return;
+    }
+    page.push_str("<details><summary>What was left out, and what that saved</summary>\n<table>\n");
+    for (scene, line) in &manifest.left_out {
+        let _ = writeln!(page, "<tr><td>{}</td><td>{}</td></tr>", escape(scene), escape(line));
+    }
+    page.push_str("</table></details>\n");
 }
 
 fn troubled(page: &mut String, section: &Section) {
@@ -188,31 +193,4 @@ fn machine(page: &mut String, manifest: &Manifest) {
 /// `text` with the characters that mean something in HTML replaced.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = (0..3).fold(0_u32, |word, k| word << 8 | u32::from(chunk.get(k).copied().unwrap_or(0)));
-        for k in 0..4 {
-            let digit = DIGITS[(word >> (18 - 6 * k)) as usize & 63];
-            text.push(if k <= chunk.len() { digit.into() } else { '=' });
-        }
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The test vectors of RFC 4648, section 10.
-    #[test]
-    fn base64_follows_the_standard() {
-        let words = ["", "f", "fo", "foo", "foob", "fooba", "foobar"];
-        let texts = ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy"];
-        assert_eq!(words.map(|word| base64(word.as_bytes())), texts);
-    }
 }

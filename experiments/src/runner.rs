@@ -38,6 +38,9 @@ pub struct Manifest {
     pub failed: usize,
     /// Pictures, in the order they were made.
     pub pictures: Vec<Picture>,
+    /// What was left out of runs on each scene, and what that saved; none in files of earlier versions.
+    #[serde(default)]
+    pub left_out: Vec<(String, String)>,
     /// Seconds the whole experiment took, everything included: the only value here that differs between two runs.
     pub seconds: f64,
     /// Machine, compiler, versions, commit.
@@ -176,6 +179,7 @@ fn make(experiment: &dyn Experiment, request: &Request, directory: &Path) -> Res
         runs: context.recorder.len(),
         failed: context.recorder.failed(),
         pictures: std::mem::take(&mut context.pictures),
+        left_out: std::mem::take(&mut context.left_out),
         // To the millisecond: more digits mean nothing.
         seconds: (clock.elapsed().as_secs_f64() * 1e3).round() / 1e3,
         machine: Machine::here(&request.root),
@@ -259,24 +263,15 @@ pub fn write_page(all: &[&dyn Experiment], results: &Path) -> Result<PathBuf, Ru
 fn section(experiment: &dyn Experiment, manifest: Manifest, results: &Path) -> Result<Section, RunError> {
     let directory = results.join(experiment.name());
     let tables = Tables::read(&directory).map_err(|e| RunError::Experiment(e.to_string()))?;
-    let mut shown = Vec::new();
-    for figure in figures(experiment, &tables)? {
-        let svg = figure.draw().to_svg().map_err(|e| RunError::Experiment(e.to_string()))?;
-        shown.push(Shown { name: figure.name().into(), caption: figure.explanation().into(), svg });
-    }
+    let shown = figures(experiment, &tables)?.into_iter();
+    let shown = shown.map(|figure| Shown { name: figure.name().into(), caption: figure.explanation().into() });
     let reading = catch_unwind(AssertUnwindSafe(|| experiment.reading(&tables)));
-    let mut pictures = Vec::new();
-    for picture in &manifest.pictures {
-        let path = directory.join(&picture.file);
-        pictures.push((picture.clone(), at(&path, fs::read(&path))?));
-    }
     let troubled = tables.rows().filter(|row| row.quality() != radiosity_plot::Quality::Good);
     Ok(Section {
         name: experiment.name(),
         question: experiment.question().into(),
         expects: experiment.expects().into(),
-        figures: shown,
-        pictures,
+        figures: shown.collect(),
         reading: reading.map_err(|p| RunError::Experiment(message(&*p)))?,
         troubled: troubled.map(|row| (row.run().into(), row.text("outcome").into())).collect(),
         manifest,

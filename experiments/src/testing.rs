@@ -75,6 +75,7 @@ impl Experiment for Demo {
             context.record(record.float("error", self.value / (k + 1) as f64).seconds("time", 0.5 * (k + 1) as f64));
             context.tick(outcome);
         }
+        context.left_out("a demo", || "nothing < everything".to_owned());
         context.picture("grey", "A grey picture", 3, 2, &[128; 18])?;
         match self.end {
             End::Well => Ok(()),

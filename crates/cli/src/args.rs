@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
-use radiosity::{Method, SpecularBy, Store};
+use radiosity::{Method, SpecularBy, SpecularTransport, Store};
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_render::{PathClass, Tone};
@@ -440,6 +440,13 @@ pub struct SolveArgs {
     pub output: Option<PathBuf>,
 }
 
+impl SolveArgs {
+    /// How light takes specular surfaces.
+    pub fn transport(&self) -> SpecularTransport {
+        SpecularTransport { bounces: self.specular_bounces, by: self.specular_by.into() }
+    }
+}
+
 /// `radiosity render`.
 #[derive(ClapArgs, Debug)]
 pub struct RenderArgs {
@@ -593,6 +600,13 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let edge = |word: &str| word.parse().ok().filter(|n| (1..=LONGEST_EDGE).contains(n));
     let edges = text.split_once('x').and_then(|(width, height)| Some([edge(width)?, edge(height)?]));
     edges.ok_or_else(|| format!("must be WIDTHxHEIGHT with edges of 1 to {LONGEST_EDGE} pixels"))
+}
+
+impl RenderArgs {
+    /// How light takes specular surfaces.
+    pub fn transport(&self) -> SpecularTransport {
+        SpecularTransport { bounces: self.specular_bounces, by: self.specular_by.into() }
+    }
 }
 
 /// `radiosity compare`.

@@ -1,6 +1,7 @@
 //! `radiosity compare`: every strategy on the user's own scene, error against time.
 
-use radiosity::{Bytes, Change, GridValues, Measured, Method, RunError, Size, Store, Strategy, Yardstick};
+use radiosity::plan::{Anyway, Omissions, Savings};
+use radiosity::{Bytes, Change, GridValues, Measured, Method, Plan, RunError, Size, Store, Strategy, Yardstick};
 use radiosity::{admit, coarser, default_method, run as run_strategy};
 use radiosity_core::Outcome;
 use radiosity_geometry::mesh::Subdivision;
@@ -11,7 +12,7 @@ use radiosity_solvers::STOCHASTIC;
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;
-use crate::{Failure, Verdict, choice, memory, output, scene};
+use crate::{Failure, Verdict, choice, memory, output, plan, scene};
 
 /// A strategy and how it went.
 struct Compared<'a> {
@@ -69,14 +70,22 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     }
     let blocking = Occluders::blocking(scene).len();
     let all = strategies(args, blocking);
+    let fine = reference(args, scene, &all, blocking)?;
     if args.common.dry_run {
-        let object = json!({ "dry_run": true, "strategies": all.len() });
-        output::print(&args.common, &object, &[format!("{} strategies; nothing run", all.len())]);
+        let plan = Plan::new(scene, &fine);
+        let geometry = plan.mesh(scene, &fine)?;
+        let left_out = LeftOut::new(&plan.left_out(&geometry, &fine), plan.anyway(&geometry, &fine, None));
+        let mut object = json!({ "dry_run": true, "strategies": all.len() });
+        left_out.tell(&mut object);
+        let lines: Vec<String> =
+            std::iter::once(format!("{} strategies; nothing run", all.len())).chain(left_out.lines).collect();
+        output::print(&args.common, &object, &lines);
         return Ok(Verdict::Done);
     }
-    let fine = reference(args, scene, &all, blocking)?;
     let reference = run_strategy(scene, &fine, &mut ()).map_err(memory::explained)?;
     let truth = GridValues::means(&reference.geometry, &reference.solution.irradiance, GRID)?;
+    let anyway = Plan::new(scene, &fine).anyway(&reference.geometry, &fine, Some(&reference));
+    let left_out = LeftOut::new(&reference.left_out, anyway);
     drop(reference);
     let best = match Method::analytic_among(blocking) {
         Method::ANALYTIC => Method::exact(1e-10, 1e-7),
@@ -100,17 +109,44 @@ pub fn run(args: &CompareArgs) -> Result<Verdict, Failure> {
     let svg = drawing.to_svg()?;
     write_atomically(&args.output.join("comparison.svg"), |out| out.write_all(svg.as_bytes()))?;
     drawing.write_png(&args.output.join("comparison.png"))?;
-    let object = json!({
+    let mut object = json!({
         "reference": output::method(fine.method),
         "strategies": compared.iter().map(compared_json).collect::<Vec<_>>(),
         "folder": args.output.display().to_string(),
     });
+    left_out.tell(&mut object);
     let mut lines =
         vec![format!("{:<46} {:>10} {:>10} {:>10} {:>10}  outcome", "strategy", "seconds", "solver", "F", "total")];
     lines.extend(compared.iter().map(line));
+    lines.extend(left_out.lines);
     lines.push(format!("→ {}", args.output.display()));
     output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)
+}
+
+/// Why strategies take what a plan would leave out.
+const PLAN_OFF: &str =
+    "strategies are compared on whole systems; the reference leaves out what the scene does not need";
+
+/// What the reference leaves out.
+struct LeftOut {
+    list: Value,
+    anyway: Value,
+    lines: Vec<String>,
+}
+
+impl LeftOut {
+    fn new(savings: &Savings, anyway: Vec<Anyway>) -> Self {
+        let lines = plan::anyway_line(&anyway).into_iter().chain(plan::lines(savings));
+        let lines = lines.map(|line| format!("reference, {line}")).collect();
+        Self { list: plan::json(savings), anyway: plan::anyway_json(&anyway), lines }
+    }
+
+    fn tell(&self, object: &mut Value) {
+        object["left_out"] = self.list.clone();
+        object["left_out_anyway"] = self.anyway.clone();
+        object["plan_off"] = PLAN_OFF.into();
+    }
 }
 
 /// The reference: a mesh twice as fine, by the method that suits its size, or by what fits in memory. Refused where none of the
@@ -122,7 +158,8 @@ fn reference(args: &CompareArgs, scene: &Scene, all: &[Strategy], blocking: usiz
         Method::RaysAndEmitters { .. } => Method::RaysAndEmitters { rays: 8192 },
         method => method,
     };
-    let dense = Strategy { memory: memory::limit(&args.common), ..Strategy::new(elements, method) };
+    let memory = memory::limit(&args.common);
+    let dense = Strategy { memory, omit: Omissions::ALL, ..Strategy::new(elements, method) };
     let Err(error) = admit(scene, &dense) else { return Ok(dense) };
     let RunError::Memory { needed, limit, alternative } = error else { return Err(error.into()) };
     let measured = |strategy: &&Strategy| !strategy.casts_rays() && Yardstick::admits(scene, strategy).is_ok();

@@ -1,8 +1,9 @@
 //! `radiosity inspect`: what is in a scene, what will be left out and why, and what a solution would cost.
 
-use radiosity::{Geometry, Plan, Size, Strategy, forecast};
+use radiosity::plan::Anyway;
+use radiosity::{Plan, Size, Strategy, forecast};
 use radiosity_geometry::{Occluders, Scene};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::args::InspectArgs;
 use crate::solve::{admitted_mesh, mesh_settings, sizes, strategy};
@@ -39,7 +40,9 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     let prediction = plan.size(&geometry).predict(&strategy);
     let (lo, hi) = scene.bounds();
     let closed = imported.report.closed();
-    let left_out = left_out(scene, &geometry);
+    let anyway = plan.anyway(&geometry, &strategy, None);
+    let nothing = (emitters(scene) == 0).then(|| "everything: nothing emits, the answer is 0".to_owned());
+    let left_out: Vec<String> = anyway.iter().map(Anyway::to_string).chain(nothing.clone()).collect();
     let forecasted = if args.forecast {
         let asked = Strategy { forecast: output::FORECAST, ..strategy.clone() };
         Some(forecast(scene, &asked).map_err(memory::explained)?.0)
@@ -60,6 +63,7 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
         })).collect::<Vec<_>>(),
         "file": output::import(&imported.report),
         "left_out": left_out,
+        "left_out_anyway": plan::anyway_json(&anyway),
         "plan": { "off": plan.off.map(|off| off.to_string()), "left_out": plan::json(&savings) },
         "mesh": {
             "elements": prediction.elements,
@@ -121,7 +125,8 @@ pub fn run(args: &InspectArgs) -> Result<Verdict, Failure> {
     ];
     lines.push(plan::store_line(choice.store, choice.reason));
     lines.extend(forecasted.as_ref().map(|f| output::forecast_line(f, args.unshot)));
-    lines.extend(left_out.iter().filter_map(Value::as_str).map(|what| format!("left out: {what}")));
+    lines.extend(plan::anyway_line(&anyway));
+    lines.extend(nothing.map(|what| format!("left out: {what}")));
     lines.extend(plan::lines(&savings));
     output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)
@@ -140,27 +145,4 @@ fn emitted_power(scene: &Scene) -> Vec<f64> {
 fn largest_reflectance(scene: &Scene) -> f64 {
     let used = scene.surfaces.iter().flat_map(|s| &scene.materials[s.material].reflectance);
     used.copied().fold(0.0, f64::max)
-}
-
-/// What the scene does not need, with the reason.
-fn left_out(scene: &Scene, geometry: &Geometry<'_>) -> Vec<Value> {
-    let mut left = Vec::new();
-    let pieces = scene.pieces().count();
-    let blocking = geometry.blockers().len();
-    if blocking == 0 {
-        left.push(json!("all visibility tests: nothing in the scene can block"));
-    } else if blocking < pieces {
-        left.push(json!(format!(
-            "{} of {pieces} polygons in visibility tests: the whole scene lies on one side of them",
-            pieces - blocking
-        )));
-    }
-    let covered = geometry.mesh().elements.len() - geometry.elements().len();
-    if covered > 0 {
-        left.push(json!(format!("{covered} elements as unknowns: they lie inside solids")));
-    }
-    if emitters(scene) == 0 {
-        left.push(json!("everything: nothing emits, the answer is 0"));
-    }
-    left
 }

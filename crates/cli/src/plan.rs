@@ -1,6 +1,6 @@
 //! What a scene does not need, as the program says it, and the faces that are asked for.
 
-use radiosity::plan::{Counts, LeftOut, Omissions, Savings, StoreReason};
+use radiosity::plan::{Anyway, Counts, LeftOut, Omissions, Savings, StoreReason};
 use radiosity::{Bounded, Run, Store, surfaces_in_view};
 use radiosity_geometry::Scene;
 use serde_json::{Value, json};
@@ -89,23 +89,41 @@ pub fn store_line(store: Store, reason: StoreReason) -> String {
     format!("store {}: {reason}", store.name())
 }
 
-/// A line for each thing left out.
+/// A line for each thing left out, and one on what all of them saved.
 pub fn lines(savings: &Savings) -> Vec<String> {
     let line = |left: &LeftOut| {
-        let p = &left.predicted;
-        let saved = [
-            (Some(p.unknowns), "unknowns"),
-            (p.form_factors, "form factors"),
-            (p.rows, "rows"),
-            (p.rays, "rays"),
-            (Some(p.bands), "bands"),
-        ];
-        let saved = saved.into_iter().filter_map(|(count, what)| Some((count.filter(|n| *n > 0)?, what)));
-        let saved: Vec<String> = saved.map(|(count, what)| format!("{count} {what}")).collect();
-        let saved = if saved.is_empty() { String::new() } else { format!("; saves {}", saved.join(", ")) };
+        let saved = left.predicted.to_string();
+        let saved = if saved.is_empty() { saved } else { format!("; saves {saved}") };
         format!("left out: {}: {}{saved}", left.what, left.omission.reason())
     };
-    savings.list.iter().map(line).collect()
+    let mut lines: Vec<String> = savings.list.iter().map(line).collect();
+    if let (Some(measured), false) = (&savings.measured, lines.is_empty()) {
+        let predicted = &savings.predicted;
+        lines.push(if predicted == measured {
+            format!("saved: {measured}, as predicted")
+        } else {
+            format!("saved: {measured}; predicted: {predicted}")
+        });
+    }
+    lines
+}
+
+/// What no run computes, planned or not: what geometry and estimators leave out.
+pub fn anyway_json(left: &[Anyway]) -> Value {
+    let one = |left: &Anyway| {
+        let counts = |count: Option<u64>| count.map(|count| json!({ left.counted: count }));
+        json!({
+            "reason": left.reason, "what": left.what,
+            "predicted": counts(left.predicted), "measured": counts(left.measured),
+        })
+    };
+    left.iter().map(one).collect::<Vec<_>>().into()
+}
+
+/// The same in one line, but for what saves nothing.
+pub fn anyway_line(left: &[Anyway]) -> Option<String> {
+    let some: Vec<String> = left.iter().filter(|left| left.count() != Some(0)).map(Anyway::to_string).collect();
+    (!some.is_empty()).then(|| format!("left out anyway: {}", some.join("; ")))
 }
 
 /// The list with what was left out within an error: with its bounds, before and after.

@@ -11,8 +11,9 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use radiosity::plan::Anyway;
 use radiosity::{
-    EnhancedRun, LinearIrradiance, Method, Shape, Size, SpecularTransport, Store, Strategy, predict_enhanced,
+    EnhancedRun, LinearIrradiance, Method, Plan, Shape, Size, SpecularTransport, Store, Strategy, predict_enhanced,
     run_enhanced,
 };
 use radiosity_core::Outcome;
@@ -31,7 +32,7 @@ use crate::false_colour::{self, FalseColours};
 use crate::film_state::{self, Settings};
 use crate::solve::SPECULAR_RAYS;
 use crate::viewpoint::Viewpoint;
-use crate::{Failure, Verdict, memory, output, scene, solve};
+use crate::{Failure, Verdict, memory, output, plan, scene, solve};
 
 /// Elements of the first pass, about, if no mesh is asked for.
 const ELEMENTS: f64 = 2000.0;
@@ -47,6 +48,9 @@ const ALLOTTED: u32 = 256;
 
 /// Share of the pixels that show no light that are not brighter than white.
 const BELOW_WHITE: f64 = 0.98;
+
+/// Why the first pass takes what a plan would leave out.
+const PLAN_OFF: &str = "pictures take light by each of its ways, of all elements in all bands";
 
 /// Time between two previews.
 const EVERY: Duration = Duration::from_secs(3);
@@ -68,7 +72,7 @@ pub fn run(args: &RenderArgs) -> Result<Verdict, Failure> {
     let view = Viewpoint::new(&args.view, scene)?;
     let classes = classes(args);
     let strategy = strategy(args, scene);
-    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
+    let transport = args.transport();
     if args.common.dry_run {
         return dry_run(args, scene, &strategy, transport, &view);
     }
@@ -304,6 +308,10 @@ impl Studio<'_> {
         let scale = self.colours.as_ref().map(|colours| colours.ends(film, stage, &view.camera));
         let converged = first.is_none_or(|(_, first)| first.run.solution.outcome == Outcome::Converged);
         let met = args.noise.is_none_or(|noise| noise == 0.0 || self.good(film));
+        let left_out = match first {
+            Some((strategy, first)) => left_out(args, strategy, first),
+            None => Vec::new(),
+        };
         let object = json!({
             "picture": args.output.display().to_string(),
             "camera": view.json(),
@@ -311,6 +319,9 @@ impl Studio<'_> {
             "scale": scale,
             "method": if args.reference { "path tracing" } else { "two passes" },
             "first_pass": first.map(first_json),
+            "left_out": [],
+            "plan_off": PLAN_OFF,
+            "left_out_anyway": plan::anyway_json(&left_out),
             "second_pass": { "seconds": self.seconds, "counts": output::cost(&film.cost) },
             "gathering": self.look.as_ref().map(|look| json!({
                 "elements": look.control.count(), "seconds": look.seconds, "counts": output::cost(&look.control.cost),
@@ -322,6 +333,7 @@ impl Studio<'_> {
             "scene": output::import(&imported.report),
         });
         let mut lines: Vec<String> = first.map(first_line).into_iter().collect();
+        lines.extend(plan::anyway_line(&left_out));
         lines.extend(self.look.as_ref().map(|look| {
             let (count, rays) = (look.control.count(), look.control.cost.rays);
             format!("gathering from {count} elements, found by {rays} rays in {:.3} s", look.seconds)
@@ -351,6 +363,16 @@ fn finite(value: f64) -> Option<f64> {
 
 fn percent(noise: f64) -> String {
     finite(noise).map_or_else(|| "not known".to_owned(), |noise| format!("{:.2} %", 100.0 * noise))
+}
+
+/// What was not computed: by geometry, for want of specular surfaces, and since nothing is shown before the first pass is done.
+fn left_out(args: &RenderArgs, strategy: &Strategy, first: &EnhancedRun<'_>) -> Vec<Anyway> {
+    let (geometry, scene) = (&first.run.geometry, first.run.geometry.scene());
+    let mut left = Plan::new(scene, strategy).anyway(geometry, strategy, None);
+    let rows = first.run.form_factors.cost.source_evaluations - first.specular.cost.source_evaluations;
+    left.extend(args.transport().left_out(scene, rows, Some(first.specular.cost.rays)));
+    left.push(Anyway::ambient(Some(first.run.solution.steps)));
+    left
 }
 
 fn first_json((strategy, first): (&Strategy, &EnhancedRun<'_>)) -> Value {
@@ -397,22 +419,27 @@ fn dry_run(
     let [width, height] = args.view.size;
     let most = u64::from(width) * u64::from(height) * u64::from(args.samples.div_ceil(ROUND) * ROUND);
     let mut object = json!({ "dry_run": true, "camera": view.json(), "most_samples": most });
-    let mut line = format!("{width} × {height} pixels, {most} samples at most; nothing written");
+    let mut lines = vec![format!("{width} × {height} pixels, {most} samples at most; nothing written")];
     if !args.reference {
         // What would not fit is not meshed either.
         let p = predict_enhanced(scene, &Size::before_meshing(scene, &strategy.mesh)?, strategy, transport)?;
+        let left_out = [transport.left_out(scene, p.source_evaluations, None), Some(Anyway::ambient(None))];
+        let left_out: Vec<Anyway> = left_out.into_iter().flatten().collect();
+        object["left_out_anyway"] = plan::anyway_json(&left_out);
+        lines.extend(plan::anyway_line(&left_out));
         object["predicted"] = json!({
             "elements": p.elements, "form_factors": p.form_factors, "rays": p.rays, "stored_bytes": p.stored_bytes,
             "peak_bytes": p.peak_bytes + memory::program(),
         });
-        line = format!(
-            "{} elements, {} rays for their form factors, {} of memory; {line}",
+        lines[0] = format!(
+            "{} elements, {} rays for their form factors, {} of memory; {}",
             p.elements,
             p.rays,
-            output::bytes(p.peak_bytes + memory::program())
+            output::bytes(p.peak_bytes + memory::program()),
+            lines[0]
         );
     }
-    output::print(&args.common, &object, &[line]);
+    output::print(&args.common, &object, &lines);
     Ok(Verdict::Done)
 }
 

@@ -236,3 +236,68 @@ fn a_view_is_refined_for_what_its_pixels_show() {
     let refused = folder.run("solve scene.obj --ask-view --eye 9,9,9 --look-at 19,9,9 --up 0,0,1");
     assert!(refused.code == 2 && refused.stderr.contains("--eye"), "{}", refused.stderr);
 }
+
+/// The pairs of a room with a sheet before a wall are all predicted face by face and counted by what was computed.
+#[test]
+fn what_geometry_leaves_out_is_predicted_and_counted() {
+    let folder = Folder::new("plan_anyway");
+    with_scene(&folder, &black_floor());
+    let solve = "solve scene.obj --subdivide 3 --json --solver shooting --store dense";
+    let [foreseen, ran] = ["--dry-run", ""].map(|dry| object(&folder, &format!("{solve} {dry}")));
+    let of = |object: &Value, key: &str, counted: &str| {
+        let list = object["left_out_anyway"].as_array().unwrap().iter();
+        list.filter_map(|left| left[key][counted].as_u64()).next()
+    };
+    // 63 elements: a sheet in a room of six faces.
+    let pairs = of(&ran, "measured", "pairs").unwrap();
+    let saved = ran["left_out"].as_array().unwrap().iter().filter_map(|left| left["measured"]["form_factors"].as_u64());
+    let computed = ran["form_factors"]["counts"]["form_factors"].as_u64().unwrap();
+    let gathered = ran["solve"]["counts"]["form_factors"].as_u64().unwrap();
+    assert_eq!(pairs + computed + gathered + saved.sum::<u64>(), 63 * 62 / 2);
+    assert_eq!((of(&foreseen, "predicted", "pairs"), of(&ran, "predicted", "pairs")), (Some(pairs), Some(pairs)));
+    assert_eq!(of(&ran, "predicted", "polygons"), of(&ran, "measured", "polygons"));
+    // Shooting is shown at its end alone.
+    assert_eq!(of(&ran, "measured", "terms"), ran["steps"].as_u64());
+    let text = folder.run("solve scene.obj --subdivide 3").stdout;
+    assert!(text.lines().filter(|line| line.starts_with("left out anyway: ")).count() == 1);
+    assert!(text.contains("face away") && text.contains(", as predicted"), "{text}");
+}
+
+#[test]
+fn a_diffuse_picture_needs_nothing_of_specular_light_and_says_so() {
+    let folder = Folder::new("plan_render");
+    with_scene(&folder, &one_room());
+    let render = "render scene.obj --subdivide 2 --size 8x8 --samples 16 --json --output picture.png";
+    let [foreseen, ran] = ["--dry-run", ""].map(|dry| object(&folder, &format!("{render} {dry}")));
+    let left = |object: &Value| object["left_out_anyway"].as_array().unwrap().clone();
+    let specular = left(&ran).into_iter().find(|left| left["what"].as_str().unwrap().contains("second pass")).unwrap();
+    assert!(specular["reason"].as_str().unwrap().contains("nothing in the scene is specular"));
+    // 24 elements, 4,096 rays each.
+    assert_eq!((&specular["predicted"]["rays"], &specular["measured"]["rays"]), (&98_304.into(), &98_304.into()));
+    assert_eq!(left(&foreseen)[0]["predicted"], specular["predicted"]);
+    assert!(left(&ran).iter().any(|left| left["what"].as_str().unwrap().contains("ambient term")));
+    assert!(ran["plan_off"].as_str().unwrap().contains("by each of its ways"));
+    assert_eq!(ran["first_pass"]["extended_form_factors"]["counts"]["rays"], 0);
+    let text = folder.run("render scene.obj --subdivide 2 --size 8x8 --samples 16 --output picture.png").stdout;
+    assert!(text.contains("left out anyway: ") && text.contains("nothing in the scene is specular"), "{text}");
+}
+
+#[test]
+fn a_comparison_tells_what_its_reference_leaves_out() {
+    let folder = Folder::new("plan_compare");
+    with_scene(&folder, &two_rooms([true, false]));
+    let compare = "compare scene.obj --subdivide 1 --no-progress";
+    let ran = object(&folder, &format!("{compare} --json"));
+    let dark = &ran["left_out"][0];
+    // 2 × 2 elements on each of the six faces of the dark room.
+    assert!(dark["reason"].as_str().unwrap().contains("no light") && dark["predicted"]["unknowns"] == 24);
+    assert_eq!(dark["predicted"], dark["measured"]);
+    assert!(ran["plan_off"].as_str().unwrap().contains("whole systems"));
+    let foreseen = object(&folder, &format!("{compare} --dry-run --json"));
+    assert_eq!(
+        (&foreseen["left_out"][0]["predicted"], &foreseen["left_out"][0]["measured"]),
+        (&dark["predicted"], &Value::Null)
+    );
+    let text = folder.run(compare).stdout;
+    assert!(text.contains("reference, left out: 6 faces: no light") && text.contains(", as predicted"), "{text}");
+}

@@ -76,12 +76,17 @@ fn rows_of_rays_and_hemicubes_keep_their_entries_and_count_those_given() {
     }
 }
 
-/// Blocks whose sources lie between each other.
+/// Blocks whose sources lie between each other, and blocks that follow each other, the last one given first.
 #[test]
 fn blocks_conform_and_are_zero_beside_them() {
+    blocks_of(&|f| f % 3 % 2);
+    blocks_of(&|f| u32::from(f < 17));
+}
+
+fn blocks_of(part_of: &dyn Fn(u32) -> u32) {
     let scene = scene();
     let (facets, blockers) = (mesh(&scene), Occluders::blocking(&scene));
-    let part = |k: u32| -> Vec<u32> { (0..facets.len() as u32).filter(|f| f % 3 % 2 == k).collect() };
+    let part = |k: u32| -> Vec<u32> { (0..facets.len() as u32).filter(|f| part_of(*f) == k).collect() };
     let block = |list: Vec<u32>| -> (Box<dyn FormFactors>, Vec<u32>, Vec<u32>) {
         let own = facets.select(&list);
         let rows = PairwiseRows::new(Analytic::new(Some(&blockers)), &own, &own, 1e-6, 7);
@@ -91,5 +96,6 @@ fn blocks_conform_and_are_zero_beside_them() {
     conformance(&store);
     let mut buf = radiosity_core::RowBuf::default();
     let row = store.row(0, 0, &mut buf).unwrap();
-    assert!(part(1).iter().all(|&t| row.entries.get(t as usize) == 0.0) && row.entries.sum() > 0.0);
+    let other = part(1 - part_of(0));
+    assert!(other.iter().all(|&t| row.entries.get(t as usize) == 0.0) && row.entries.sum() > 0.0);
 }

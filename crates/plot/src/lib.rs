@@ -18,7 +18,7 @@ mod shapes;
 mod surface;
 
 pub use shapes::{Align, Drawing, Shape};
-pub use surface::{DrawError, FONT, write_png};
+pub use surface::{DrawError, write_png};
 
 use fit::PowerLaw;
 pub use quality::Quality;

@@ -17,7 +17,7 @@ use super::{Align, Drawing, Shape};
 use crate::palette::{Marker, Rgb, lighter};
 
 /// The one font of all figures (DejaVu Sans, subset); its licence lies beside it.
-pub const FONT: &[u8] = include_bytes!("../assets/dejavu-sans-subset.ttf");
+const FONT: &[u8] = include_bytes!("../assets/dejavu-sans-subset.ttf");
 
 /// Families an SVG asks for: the font itself, one of nearly the same widths, anything.
 const FAMILY: &str = "DejaVu Sans, Verdana, sans-serif";

@@ -21,6 +21,7 @@ use radiosity_geometry::Scene;
 use radiosity_render::brdf::SpecularSurfaces;
 
 use crate::estimate::{ends, fill};
+use crate::plan::Anyway;
 use crate::predict::{Prediction, Size, predict};
 use crate::run::{Check, Known, named, solve_stored};
 use crate::strategy::partial_among;
@@ -71,6 +72,15 @@ impl SpecularTransport {
     pub const ANY: Self = Self { bounces: SpecularBounces::Any, by: SpecularBy::RAYS };
     /// Specular parts count as absent.
     pub const NONE: Self = Self { bounces: SpecularBounces::None, by: SpecularBy::RAYS };
+
+    /// What a first pass of so many rows leaves out if nothing in `scene` is specular, though such light is asked for; `cast` rays went by way of specular surfaces.
+    pub fn left_out(self, scene: &Scene, rows: u64, cast: Option<u64>) -> Option<Anyway> {
+        let needed = match self.by {
+            SpecularBy::Rays(rays) => Some(rows.saturating_mul(u64::from(rays))),
+            SpecularBy::Images => None,
+        };
+        (self.bounces != SpecularBounces::None && !scene.is_specular()).then(|| Anyway::specular(needed, cast))
+    }
 }
 
 /// A first pass.
@@ -124,7 +134,8 @@ pub fn run_enhanced<'a>(
     let store: &dyn FormFactors = extended.as_ref().map_or(straight.store(), |(store, _)| store);
     let known = Known { form_factors, repair: None, checks: Check::Known(None), thinned: Vec::new() };
     let made = solve_stored(&geometry, store, known, strategy, None, observer)?;
-    let ways = ways(&geometry, (straight.store(), store), strategy, made.radiosity())?;
+    let extended_store = extended.as_ref().map(|(store, _)| store as &dyn FormFactors);
+    let ways = ways(&geometry, (straight.store(), extended_store), strategy, made.radiosity())?;
     drop(extended);
     drop(straight);
     Ok(EnhancedRun { run: made.run(geometry, meshing), ways, specular: of_specular })
@@ -275,10 +286,10 @@ fn groups(scene: &Scene) -> (Vec<usize>, Vec<usize>) {
     (of_band, firsts)
 }
 
-/// H by its ways of arriving, from the radiosity of the solution.
+/// H by its ways of arriving, from the radiosity of the solution; `whole` has F + F′ if there is an F′.
 fn ways(
     geometry: &Geometry<'_>,
-    (straight, whole): (&dyn FormFactors, &dyn FormFactors),
+    (straight, whole): (&dyn FormFactors, Option<&dyn FormFactors>),
     strategy: &Strategy,
     radiosity: &BandValues,
 ) -> Result<[BandValues; 4], RunError> {
@@ -299,7 +310,11 @@ fn ways(
     };
     let reflected = minus(radiosity, &emission);
     let (direct, indirect) = (irradiance(straight, &emission)?, irradiance(straight, &reflected)?);
-    // Nothing else where nothing is specular; sums of both parts less the one, so as not to read tables in a way of their own.
+    let Some(whole) = whole else {
+        let nothing = BandValues::zeros(emission.count(), emission.len());
+        return Ok([direct, nothing.clone(), indirect, nothing]);
+    };
+    // Sums of both parts less the one, so as not to read tables in a way of their own.
     let (by_way, more) =
         (minus(&irradiance(whole, &emission)?, &direct), minus(&irradiance(whole, &reflected)?, &indirect));
     Ok([direct, by_way, indirect, more])

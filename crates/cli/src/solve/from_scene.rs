@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use radiosity::bounded::foreseen;
 use radiosity::plan::Omissions;
-use radiosity::{EnhancedRun, Phase, Plan, SpecularBy, SpecularTransport, Strategy};
+use radiosity::{EnhancedRun, Phase, Plan, SpecularBy, Strategy};
 use radiosity::{Shape, run_enhanced, run_planned};
 use radiosity_form_factors::extended::SpecularBounces;
 use radiosity_io::Imported;
@@ -30,7 +30,7 @@ pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdi
     }
     let mesh = mesh_settings(&args.mesh);
     let program = memory::program();
-    let transport = SpecularTransport { bounces: args.specular_bounces, by: args.specular_by.into() };
+    let transport = args.transport();
     let specular = transport.bounces != SpecularBounces::None && scene.is_specular();
     let (asked, view) = (plan::asked(&args.plan, scene)?, plan::view(&args.plan, scene)?.map(|view| view.camera));
     // Linear shading joins the irradiance of neighbours, and wants it of all.
@@ -67,7 +67,10 @@ pub(super) fn on_computed(args: &SolveArgs, imported: &Imported) -> Result<Verdi
         let (savings, prediction) = (plan.left_out(&geometry, &strategy), plan.size(&geometry).predict(&strategy));
         // Refinement makes meshes of its own.
         let bounded = if args.tolerance.is_none() { foreseen(&plan, &geometry, &strategy) } else { Vec::new() };
-        return Ok(dry_run(args, Foreseen { prediction, savings, bounded, reason }, &strategy, None, program));
+        let mut anyway = plan.anyway(&geometry, &strategy, None);
+        anyway.extend(transport.left_out(scene, prediction.source_evaluations, None));
+        let foreseen = Foreseen { prediction, savings, anyway, bounded, reason };
+        return Ok(dry_run(args, foreseen, &strategy, None, program));
     }
     let (run, way) = match args.tolerance {
         Some(tolerance) => {

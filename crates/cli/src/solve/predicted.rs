@@ -1,7 +1,7 @@
 //! What is known of a run before it is made, for `--dry-run`.
 
 use radiosity::bounded::Bounded;
-use radiosity::plan::{Savings, StoreReason};
+use radiosity::plan::{Anyway, Savings, StoreReason};
 use radiosity::{Geometry, Prediction, Size, Strategy, predict};
 use serde_json::{Value, json};
 
@@ -13,6 +13,7 @@ use crate::{Verdict, output, plan};
 pub(super) struct Foreseen {
     pub(super) prediction: Prediction,
     pub(super) savings: Savings,
+    pub(super) anyway: Vec<Anyway>,
     pub(super) bounded: Vec<Bounded>,
     pub(super) reason: Option<StoreReason>,
 }
@@ -21,23 +22,25 @@ impl Foreseen {
     /// A run that leaves nothing out.
     pub(super) fn whole(geometry: &Geometry<'_>, strategy: &Strategy) -> Self {
         let prediction = predict(&Size::of(geometry), strategy);
-        Self { prediction, savings: Savings::default(), bounded: Vec::new(), reason: None }
+        Self { prediction, savings: Savings::default(), anyway: Vec::new(), bounded: Vec::new(), reason: None }
     }
 }
 
 /// Tells what is known, and makes nothing.
 pub(super) fn dry_run(
     args: &SolveArgs,
-    Foreseen { prediction, savings, bounded, reason }: Foreseen,
+    Foreseen { prediction, savings, anyway, bounded, reason }: Foreseen,
     strategy: &Strategy,
     file: Option<&FromFile>,
     program: u64,
 ) -> Verdict {
     let (mut object, line) = predicted(&prediction, strategy, file, program);
     object["left_out"] = plan::with_bounded(plan::json(&savings), &bounded);
+    object["left_out_anyway"] = plan::anyway_json(&anyway);
     object["store_reason"] = reason.map(|reason| reason.to_string()).into();
     let mut lines = vec![line];
     lines.extend(reason.map(|reason| plan::store_line(strategy.store, reason)));
+    lines.extend(plan::anyway_line(&anyway));
     lines.extend(plan::lines(&savings));
     lines.extend(bounded.iter().map(plan::bounded_line));
     output::print(&args.common, &object, &lines);

@@ -1,7 +1,7 @@
 //! What a run is written and told as.
 
-use radiosity::plan::Off;
-use radiosity::{Run, Shape, SpecularBy, Strategy};
+use radiosity::plan::{Anyway, Off};
+use radiosity::{Plan, Run, Shape, SpecularBy, Strategy};
 use radiosity_core::Outcome;
 use radiosity_io::Imported;
 use serde_json::{Value, json};
@@ -33,7 +33,10 @@ pub(super) fn finish(
     object["left_out_error"] = run.bounded_error().into();
     object["view"] = plan::view(&args.plan, &imported.scene)?.map(|view| view.json()).into();
     object["plan_off"] = plan_off(args, strategy, file, &way).into();
+    let anyway = left_out_anyway(args, strategy, file, run, &way);
+    object["left_out_anyway"] = plan::anyway_json(&anyway);
     let mut lines = summary(strategy, file, run);
+    lines.extend(plan::anyway_line(&anyway));
     lines.extend(plan::lines(&run.left_out));
     lines.extend(plan::bounded_lines(run));
     let mut verdict = if run.solution.outcome == Outcome::Converged { Verdict::Done } else { Verdict::CheckFailed };
@@ -86,6 +89,22 @@ pub(super) fn finish(
     }
     output::print(&args.common, &object, &lines);
     Ok(verdict)
+}
+
+/// What the run did not compute, planned or not; pairs are counted where all of them are of one mesh.
+fn left_out_anyway(
+    args: &SolveArgs,
+    strategy: &Strategy,
+    file: Option<&FromFile>,
+    run: &Run<'_>,
+    way: &Way<'_>,
+) -> Vec<Anyway> {
+    let scene = run.geometry.scene();
+    let whole = matches!(way, Way::Straight(_)) && file.is_none();
+    let mut left = Plan::new(scene, strategy).anyway(&run.geometry, strategy, whole.then_some(run));
+    let rows = run.form_factors.cost.source_evaluations;
+    left.extend(args.transport().left_out(scene, rows, Some(0)));
+    left
 }
 
 /// Why nothing was left out, if nothing could be.

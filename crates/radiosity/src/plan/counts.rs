@@ -10,6 +10,8 @@
 //!
 //! The measured saving is what everything was predicted to take less what was counted.
 
+use std::fmt;
+
 use glam::DVec3;
 use radiosity_core::Cost;
 use radiosity_geometry::mesh::MeshSize;
@@ -33,6 +35,24 @@ pub struct Counts {
     pub rays: Option<u64>,
     /// Bands solved.
     pub bands: u64,
+}
+
+impl fmt::Display for Counts {
+    /// What there is of each, with commas between; nothing where nothing is.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let all = [
+            (Some(self.unknowns), "unknowns"),
+            (self.form_factors, "form factors"),
+            (self.rows, "rows"),
+            (self.rays, "rays"),
+            (Some(self.bands), "bands"),
+        ];
+        let some = all.into_iter().filter_map(|(count, what)| Some((count.filter(|count| *count > 0)?, what)));
+        for (k, (count, what)) in some.enumerate() {
+            write!(f, "{}{count} {what}", if k > 0 { ", " } else { "" })?;
+        }
+        Ok(())
+    }
 }
 
 impl Counts {

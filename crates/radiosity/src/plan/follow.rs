@@ -58,7 +58,8 @@ impl Plan {
             let takes_part = |s: usize| self.room[s] == room && self.roles[s] == Role::Exchanges;
             let mut elements: Vec<u32> = (0..surfaces.len() as u32).collect();
             elements.retain(|&e| takes_part(surfaces[e as usize] as usize));
-            let part = whole.part(&elements, &self.bands.solved, self.keeps_rows()).among(&|s| self.room[s] == room);
+            let part = whole.part(&elements, &self.bands.solved, self.keeps_rows());
+            let part = among(part, strategy, &|s| self.room[s] == room);
             let mirrors = self.symmetry.then(|| symmetry::mirrors(&part, strategy)).flatten();
             let selection = Selection::new(whole, &part, elements);
             System { room, part, selection, mirrors }
@@ -70,6 +71,11 @@ impl Plan {
 /// Where each of `some` stands among `all`, both ascending.
 fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
     some.iter().map(|k| all.binary_search(k).expect("a part of all") as u32).collect()
+}
+
+/// A part of which pairs are blocked by what `between` names alone; rows of rays and hemicubes are those of the whole.
+fn among<'a>(part: Geometry<'a>, strategy: &Strategy, between: &dyn Fn(usize) -> bool) -> Geometry<'a> {
+    if matches!(strategy.method, Method::Analytic { .. }) { part.among(between) } else { part }
 }
 
 /// Solves by `strategy` what `plan` keeps of `geometry`.
@@ -102,7 +108,8 @@ pub(crate) fn follow<'a>(
             (&one.part, &one.selection)
         } else {
             let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
-            let part = part.among(&|s| systems.iter().any(|system| system.room == plan.room[s]));
+            let lit = |s: usize| systems.iter().any(|system| system.room == plan.room[s]);
+            let part = among(part, strategy, &lit);
             let all = Selection::new(&geometry, &part, elements);
             union = (part, all);
             (&union.0, &union.1)
@@ -239,7 +246,7 @@ fn gathered(
     sent: &[BandValues],
     strategy: &Strategy,
 ) -> Result<(Vec<BandValues>, Cost), RunError> {
-    let own = whole.part(&senders, &[], false).among(in_room);
+    let own = among(whole.part(&senders, &[], false), strategy, in_room);
     let selection = Selection::new(whole, &own, senders);
     let facets = whole.elements().select(black);
     let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;

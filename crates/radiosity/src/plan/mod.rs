@@ -10,13 +10,14 @@
 //! | rows that mirror others | isometries map the mesh onto itself: found on it, copied in the store | `symmetry.rs` |
 //!
 //! Each changes the answer by rounding only. Omissions of the estimators (pairs that face away, polygons that cannot block, empty shafts) are
-//! made there and need no plan. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
+//! made there and need no plan; `anyway.rs` counts them. A [`Plan`] is made from scene and strategy alone, in O(faces) and at most m²/256 (or 4,096) looks at pairs of faces;
 //! symmetries are looked for when there is a mesh, in O(m); [`crate::run`] follows it; [`Strategy::omit`] says which omissions it may make. A solver sees one system of the elements and bands that are needed, and so do
 //! observers; the answer is of all elements.
 //!
 //! Links leave out dark rooms alone. Repair and methods that sample take all there is or draw numbers for all there is, and refinement, changes of a scene, saved matrices and specular
 //! light need it: they leave nothing out ([`Plan::off`]). Which store keeps the form factors that are left is a matter of their number ([`choose_store`]). What is *not* here: omissions that need a tolerance ([`crate::bounded`]).
 
+mod anyway;
 mod bands;
 mod counts;
 mod follow;
@@ -32,6 +33,7 @@ use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::MeshError;
 
+pub use anyway::Anyway;
 pub use bands::{Band, BandPlan};
 pub use counts::{Counts, LeftOut, Savings};
 pub(crate) use follow::follow;
