@@ -13,7 +13,7 @@
 //! program itself, some megabytes, and of a solution while it is written, which is less than what solving took.
 
 use radiosity_form_factors::hierarchical::{Hierarchy, Links};
-use radiosity_form_factors::stores::PackedFormFactors;
+use radiosity_form_factors::stores::{PackedFormFactors, SparseFormFactors};
 use radiosity_geometry::mesh::{Mesh, MeshError, MeshSettings, MeshSize, Subdivision};
 use radiosity_geometry::{Facets, Scene};
 
@@ -122,10 +122,11 @@ pub fn predict(size: &Size, strategy: &Strategy) -> Prediction {
     let links = links(m, strategy);
     let (held, filling) = match strategy.store {
         Store::Dense | Store::KeepAll => (entries.saturating_mul(8), 0),
-        // A sparse entry also names its target, and what is kept is copied where it grows.
+        // A sparse entry also names its target. Upper triangles are copied to both sides, other rows are put together a few at a time.
         Store::Sparse => {
             let bytes = entries.min(if pairwise || rays == 0 { entries } else { rays }).saturating_mul(12);
-            (bytes, bytes)
+            let pieces = bytes / sources.max(1) * sources.min(SparseFormFactors::ROWS_AT_ONCE as u64);
+            (bytes, if pairwise { bytes } else { pieces })
         }
         Store::Packed => (PackedFormFactors::<f64>::bytes(m as usize), 0),
         Store::PackedSingle => (PackedFormFactors::<f32>::bytes(m as usize), 0),

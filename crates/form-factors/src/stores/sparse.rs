@@ -25,9 +25,6 @@ pub struct SparseFormFactors {
     symmetric: bool,
 }
 
-/// Rows computed before they are put together: bounds the scratch while a store is assembled.
-const ROWS_AT_ONCE: usize = 1024;
-
 /// Rows that one task computes.
 const PIECE: usize = 16;
 
@@ -40,6 +37,10 @@ struct Collected {
 }
 
 impl SparseFormFactors {
+    /// Rows computed before they are put together: bounds the scratch while a store is assembled of rows that are not symmetric. What
+    /// is symmetric takes as much again as what is held.
+    pub const ROWS_AT_ONCE: usize = 1024;
+
     /// Computes all rows and keeps what is not zero; of symmetric rows only the upper triangle, mirrored.
     ///
     /// # Errors
@@ -64,8 +65,8 @@ impl SparseFormFactors {
         assert!(!symmetric || sources == targets, "a symmetric store of {sources} sources, {targets} targets");
         let mut kept = Collected { begins: vec![0], ..Collected::default() };
         let (mut total, mut bounds, mut diagonal) = (Cost::default(), Vec::with_capacity(sources), 0);
-        for begin in (0..sources).step_by(ROWS_AT_ONCE) {
-            let end = (begin + ROWS_AT_ONCE).min(sources);
+        for begin in (0..sources).step_by(Self::ROWS_AT_ONCE) {
+            let end = (begin + Self::ROWS_AT_ONCE).min(sources);
             let pieces: Vec<Result<_, StoreError>> = (begin..end)
                 .into_par_iter()
                 .step_by(PIECE)
