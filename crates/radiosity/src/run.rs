@@ -342,16 +342,19 @@ pub fn run_meshed<'a>(
     })
 }
 
-/// Forecasts a run of `strategy` without making it: computes its form factors, with nothing left out, and solves nothing. At least one product is spent; the phase is
-/// that of the form factors.
+/// Forecasts a run of `strategy` without making it: computes its form factors, of what its plan keeps, and solves nothing. At least one product is spent; the phase is
+/// that of the form factors. Where nothing is to be solved the forecast is of all elements.
 ///
 /// # Errors
 ///
 /// [`RunError`] as [`run`].
 pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase), RunError> {
     let forecast = strategy.forecast.max(1);
-    let asked = Strategy { forecast, steps: 0, verify: false, omit: Omissions::NONE, ..strategy.clone() };
-    let run = run(scene, &asked, &mut ())?;
+    let asked = Strategy { forecast, steps: 0, verify: false, ..strategy.clone() };
+    let mut run = self::run(scene, &asked, &mut ())?;
+    if run.forecast.is_none() {
+        run = self::run(scene, &Strategy { omit: Omissions::NONE, ..asked }, &mut ())?;
+    }
     Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
 }
 
