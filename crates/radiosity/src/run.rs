@@ -7,7 +7,7 @@ use radiosity_core::{
     StoreError, System, SystemError, solve_from,
 };
 use radiosity_form_factors::Rows;
-use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
+use radiosity_form_factors::checks::{BlockedPairs, Checks, check_beside, check_blocked};
 use radiosity_form_factors::extended::ImagesError;
 use radiosity_form_factors::hemicube::HemicubeError;
 use radiosity_form_factors::repair::RepairError;
@@ -580,7 +580,8 @@ fn checked(geometry: &Geometry<'_>, store: &dyn FormFactors, form: Form, closed:
         Form::ElementsToPatches => (&elements, &patches),
         Form::PatchesToElements => (&patches, &elements),
     };
-    let checks = check(store, sources, targets, closed)?;
+    let beside = geometry.given().map_or(&[][..], |given| &given.exchange);
+    let checks = check_beside(store, sources, targets, closed, beside)?;
     Ok(Checked { checks, closed, blocked: None, time: clock.elapsed() })
 }
 
