@@ -390,7 +390,7 @@ pub fn run_saved<'a>(
 /// What solving gives beside the geometry.
 pub(crate) struct Made {
     pub(crate) form_factors: Phase,
-    stored_bytes: u64,
+    pub(crate) stored_bytes: u64,
     pub(crate) checked: Option<Checked>,
     repair: Option<Repair>,
     forecast: Option<Forecasted>,

@@ -107,10 +107,10 @@ pub(crate) fn follow<'a>(
     } else {
         let mirrors = systems.iter_mut().map(|system| system.mirrors.take()).collect();
         let lamps = Lamps::new(plan, &geometry, &systems, strategy)?;
-        let bands = plan.bands.solved.len();
+        let (mut given, giving) = lamps.light(&geometry, &elements, plan.bands.solved.len())?;
         let union;
         if let [one] = &mut systems[..] {
-            one.part.give(lamps.light(&geometry, &one.selection.elements, bands)?);
+            one.part.give(given.take());
         }
         let (part, all) = if let [one] = &systems[..] {
             (&one.part, &one.selection)
@@ -118,12 +118,14 @@ pub(crate) fn follow<'a>(
             let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
             let lit = |s: usize| systems.iter().any(|system| system.room == plan.room[s]);
             let mut part = among(part, strategy, &lit);
-            part.give(lamps.light(&geometry, &elements, bands)?);
+            part.give(given);
             let all = Selection::new(&geometry, &part, elements);
             union = (part, all);
             (&union.0, &union.1)
         };
         let mut made = solve_part(&geometry, (part, all), (&systems, mirrors), strategy, observer)?;
+        made.stored_bytes += lamps.stored_bytes();
+        made.solution.cost += giving;
         made.form_factors.cost += lamps.form_factors.cost;
         made.form_factors.time += lamps.form_factors.time;
         let clock = Instant::now();

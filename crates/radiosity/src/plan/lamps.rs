@@ -80,15 +80,22 @@ impl Lamps {
         &self.rooms
     }
 
-    /// Their light on the `unknowns`, in so many solved bands; `None` if there are no lamps.
+    /// Bytes of form factors that are held.
+    pub(super) fn stored_bytes(&self) -> u64 {
+        let of = |room: &Room| [&room.store, &room.mutual].map(|store| store.properties().stored_bytes);
+        self.rooms.iter().flat_map(of).sum()
+    }
+
+    /// Their light on the `unknowns`, in so many solved bands, `None` if there are no lamps; and what that took.
     pub(super) fn light(
         &self,
         whole: &Geometry<'_>,
         unknowns: &[u32],
         bands: usize,
-    ) -> Result<Option<Given>, RunError> {
+    ) -> Result<(Option<Given>, Cost), RunError> {
+        let mut cost = Cost::default();
         if self.rooms.is_empty() {
-            return Ok(None);
+            return Ok((None, cost));
         }
         let mut irradiance = BandValues::zeros(bands, unknowns.len());
         let mut exchange = vec![0.0; unknowns.len()];
@@ -98,14 +105,14 @@ impl Lamps {
             let sent = room.emission.values().iter().copied().chain(std::iter::repeat_n(1.0, n)).collect();
             let sent = BandValues::new(sent, n);
             let mut sums = BandValues::zeros(bands + 1, room.senders.len());
-            room.store.scatter(sent.view(), sums.view_mut())?;
+            cost += room.store.scatter(sent.view(), sums.view_mut())?;
             for (k, &e) in places(&room.senders, unknowns).iter().enumerate() {
                 let area = whole.elements().area(unknowns[e as usize] as usize);
                 (0..bands).for_each(|b| irradiance.band_mut(b)[e as usize] = sums.band(b)[k] / area);
                 exchange[e as usize] = sums.band(bands)[k];
             }
         }
-        Ok(Some(Given { irradiance, exchange }))
+        Ok((Some(Given { irradiance, exchange }), cost))
     }
 }
 
