@@ -81,14 +81,35 @@ pub fn check(
     target_areas: &[f64],
     closed: bool,
 ) -> Result<Checks, StoreError> {
+    check_beside(store, source_areas, target_areas, closed, &[])
+}
+
+/// [`check`] of rows that exchange so much with what the store does not hold, which counts in their sums; nothing if `beside` is empty.
+///
+/// # Errors
+///
+/// As [`check`].
+///
+/// # Panics
+///
+/// As [`check`], and if `beside` has not one value a source.
+pub fn check_beside(
+    store: &dyn FormFactors,
+    source_areas: &[f64],
+    target_areas: &[f64],
+    closed: bool,
+    beside: &[f64],
+) -> Result<Checks, StoreError> {
     let (sources, targets) = (store.sources(), store.targets());
     assert_eq!((source_areas.len(), target_areas.len()), (sources, targets), "check: areas of sources and targets");
+    assert!(beside.is_empty() || beside.len() == sources, "check: {} values beside {sources} rows", beside.len());
     // A face without an area sends and receives nothing.
     let lit: Vec<usize> = (0..sources).filter(|&s| source_areas[s] > 0.0).collect();
     let rows: Vec<RowChecks> = lit
         .par_iter()
         .map_init(RowBuf::default, |buf, &s| {
-            Ok(check_row(&store.row(s, 0, buf)?.entries, source_areas[s], target_areas))
+            let row = check_row(&store.row(s, 0, buf)?.entries, source_areas[s], target_areas);
+            Ok(RowChecks { sum: row.sum + beside.get(s).copied().unwrap_or(0.0), ..row })
         })
         .collect::<Result<_, StoreError>>()?;
     let sums: Vec<(usize, f64)> = lit.iter().zip(&rows).map(|(&s, row)| (s, row.sum / source_areas[s])).collect();

@@ -30,8 +30,18 @@ pub struct Geometry<'a> {
     senders: OnceLock<(Facets, Vec<u32>)>,
     /// Bands of the scene that take part.
     bands: Vec<usize>,
-    /// Whether every exposed element that one of these sees takes part.
+    /// Whether every exposed element that one of these sees takes part, or gives its light.
     complete: bool,
+    /// Light of what takes no part.
+    given: Option<Given>,
+}
+
+/// Light that is known before anything is solved, on the elements that take part.
+pub(crate) struct Given {
+    /// H in the bands that take part.
+    pub(crate) irradiance: BandValues,
+    /// Exchange area of each element with all that it comes from.
+    pub(crate) exchange: Vec<f64>,
 }
 
 /// Surfaces that emit, each as one facet, with the index of each surface.
@@ -139,6 +149,7 @@ impl<'a> Geometry<'a> {
             senders,
             bands: (0..scene.bands()).collect(),
             complete: true,
+            given: None,
         }
     }
 
@@ -228,9 +239,25 @@ impl<'a> Geometry<'a> {
         self.exposed.iter().map(|&e| self.mesh.elements[e as usize].surface).collect()
     }
 
-    /// Emission E of the exposed elements.
+    /// Gives it light that is known.
+    pub(crate) fn give(&mut self, given: Option<Given>) {
+        self.given = given;
+    }
+
+    /// The light that is known.
+    pub(crate) fn given(&self) -> Option<&Given> {
+        self.given.as_ref()
+    }
+
+    /// Emission E of the exposed elements, and what they reflect of light that is known: what the others' light adds to.
     pub fn emission(&self) -> BandValues {
-        self.select(&self.mesh.emission(self.scene))
+        let mut e = self.select(&self.mesh.emission(self.scene));
+        if let Some(given) = &self.given {
+            let reflected = self.reflectance();
+            let reflected = reflected.values().iter().zip(given.irradiance.values()).map(|(rho, h)| rho * h);
+            e.values_mut().iter_mut().zip(reflected).for_each(|(e, reflected)| *e += reflected);
+        }
+        e
     }
 
     /// Reflectance ρ of the exposed elements.

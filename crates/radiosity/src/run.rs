@@ -7,7 +7,7 @@ use radiosity_core::{
     StoreError, System, SystemError, solve_from,
 };
 use radiosity_form_factors::Rows;
-use radiosity_form_factors::checks::{BlockedPairs, Checks, check, check_blocked};
+use radiosity_form_factors::checks::{BlockedPairs, Checks, check_beside, check_blocked};
 use radiosity_form_factors::extended::ImagesError;
 use radiosity_form_factors::hemicube::HemicubeError;
 use radiosity_form_factors::repair::RepairError;
@@ -342,16 +342,19 @@ pub fn run_meshed<'a>(
     })
 }
 
-/// Forecasts a run of `strategy` without making it: computes its form factors, with nothing left out, and solves nothing. At least one product is spent; the phase is
-/// that of the form factors.
+/// Forecasts a run of `strategy` without making it: computes its form factors, of what its plan keeps, and solves nothing. At least one product is spent; the phase is
+/// that of the form factors. Where nothing is to be solved the forecast is of all elements.
 ///
 /// # Errors
 ///
 /// [`RunError`] as [`run`].
 pub fn forecast(scene: &Scene, strategy: &Strategy) -> Result<(Forecasted, Phase), RunError> {
     let forecast = strategy.forecast.max(1);
-    let asked = Strategy { forecast, steps: 0, verify: false, omit: Omissions::NONE, ..strategy.clone() };
-    let run = run(scene, &asked, &mut ())?;
+    let asked = Strategy { forecast, steps: 0, verify: false, ..strategy.clone() };
+    let mut run = self::run(scene, &asked, &mut ())?;
+    if run.forecast.is_none() {
+        run = self::run(scene, &Strategy { omit: Omissions::NONE, ..asked }, &mut ())?;
+    }
     Ok((run.forecast.expect("a forecast was asked for"), run.form_factors))
 }
 
@@ -387,7 +390,7 @@ pub fn run_saved<'a>(
 /// What solving gives beside the geometry.
 pub(crate) struct Made {
     pub(crate) form_factors: Phase,
-    stored_bytes: u64,
+    pub(crate) stored_bytes: u64,
     pub(crate) checked: Option<Checked>,
     repair: Option<Repair>,
     forecast: Option<Forecasted>,
@@ -577,7 +580,8 @@ fn checked(geometry: &Geometry<'_>, store: &dyn FormFactors, form: Form, closed:
         Form::ElementsToPatches => (&elements, &patches),
         Form::PatchesToElements => (&patches, &elements),
     };
-    let checks = check(store, sources, targets, closed)?;
+    let beside = geometry.given().map_or(&[][..], |given| &given.exchange);
+    let checks = check_beside(store, sources, targets, closed, beside)?;
     Ok(Checked { checks, closed, blocked: None, time: clock.elapsed() })
 }
 

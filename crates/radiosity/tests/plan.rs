@@ -1,9 +1,10 @@
 //! What a plan leaves out changes no answer, and saves what it was predicted to.
 
+use glam::DVec3;
 use radiosity::plan::{Off, Omission, Omissions, Role};
 use radiosity::{Method, Plan, Run, Shape, Store, Strategy, run};
 use radiosity_core::{BandValues, Outcome};
-use radiosity_gallery::boxes::material;
+use radiosity_gallery::boxes::{material, scene_of_loops};
 use radiosity_gallery::rooms::{STOREY, black_floor, grey_room, one_room, tower, two_rooms};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
@@ -118,6 +119,100 @@ fn black_faces_are_no_unknowns_and_receive_at_the_end() {
     }
     // Rows that shoot are those of senders alone, and rays with exact emitters are not predicted; the answer is the same.
     both(&scene, &strategy(Method::RaysAndEmitters { rays: 64 }));
+}
+
+/// Every lamp with ρ = 0: B = E there.
+fn with_black_lamps(mut scene: Scene) -> Scene {
+    for material in scene.materials.iter_mut().filter(|material| material.emission.iter().any(|e| *e > 0.0)) {
+        material.reflectance.fill(0.0);
+    }
+    scene
+}
+
+/// 9 elements on a ceiling that emits, 18 on a black floor and a sheet; two ceilings of two rooms; and lamps that shine on each other.
+#[test]
+fn black_lamps_are_no_unknowns_and_their_light_is_known() {
+    let mut opposed = one_room();
+    opposed.surfaces[0].material = opposed.surfaces[5].material;
+    let cases = [(black_floor(), 27), (one_room(), 9), (two_rooms([true, true]), 18), (opposed, 18)];
+    for (scene, known) in cases.map(|(scene, known)| (with_black_lamps(scene), known)) {
+        for strategy in [
+            strategy(Method::ANALYTIC),
+            Strategy { store: Store::Packed, ..strategy(Method::ANALYTIC) },
+            Strategy { solver: "shooting".to_owned(), ..strategy(Method::ANALYTIC) },
+            Strategy { omit: Omission::Black.into(), ..strategy(Method::sampled(1e-10, 64)) },
+            Strategy {
+                asked: Some((0..scene.surfaces.len() as u32).filter(|s| s % 6 != 5).collect()),
+                ..strategy(Method::ANALYTIC)
+            },
+        ] {
+            let runs = both(&scene, &strategy);
+            assert_eq!(runs[1].left_out.predicted.unknowns, known, "{}", strategy.solver);
+            saves_what_was_predicted(&runs);
+            let [whole, planned] = runs;
+            assert!(planned.solution.bound().unwrap() <= 1e-13);
+            // Rows are as closed as they were: 1 with what goes to lamps.
+            let closure = |run: &Run<'_>| run.checked.as_ref().unwrap().checks.closure.map(|(_, off)| off.abs());
+            if known != 27 {
+                assert!(closure(&planned).unwrap() <= 2.0 * closure(&whole).unwrap());
+            }
+        }
+    }
+}
+
+/// Rows of rays see lamps with all else, and a room in which nothing else sends light has no other unknowns.
+#[test]
+fn black_lamps_stay_where_their_light_comes_with_rows_or_nothing_reflects() {
+    let scene = with_black_lamps(one_room());
+    let all_black = {
+        let mut scene = scene.clone();
+        scene.materials.iter_mut().for_each(|material| material.reflectance.fill(0.0));
+        scene
+    };
+    let cases = [
+        (&scene, strategy(Method::rays(64))),
+        (&scene, in_form(Method::ANALYTIC, Shape::ElementsToPatches)),
+        (&scene, Strategy { thin: Some(0.1), ..strategy(Method::ANALYTIC) }),
+        (&scene, Strategy { bounces: Some(0.1), ..strategy(Method::ANALYTIC) }),
+        (&all_black, strategy(Method::ANALYTIC)),
+    ];
+    for (scene, strategy) in cases {
+        let plan = Plan::new(scene, &strategy);
+        assert_eq!(plan.roles[5], Role::Exchanges, "{strategy:?}");
+    }
+    let runs = both(&all_black, &strategy(Method::ANALYTIC));
+    assert_eq!(runs[1].left_out.predicted.unknowns, 45);
+    saves_what_was_predicted(&runs);
+}
+
+/// Of a room that is a box one pair in 8 is computed with its ceiling, one in 4 without.
+#[test]
+fn black_lamps_stay_where_rows_mirror_each_other_with_them() {
+    let scene = with_black_lamps(one_room());
+    let strategy = Strategy { omit: Omissions::ALL, ..strategy(Method::ANALYTIC) };
+    assert_eq!(Plan::new(&scene, &strategy).roles[5], Role::Exchanges);
+    let runs = both(&scene, &strategy);
+    assert!(runs[1].left_out.list.iter().all(|left| left.omission == Omission::Symmetry));
+    saves_what_was_predicted(&runs);
+}
+
+/// A floor and a ceiling with the symmetries of a cube that keep its axis, and a lamp beside them that none of these leaves where it is.
+#[test]
+fn rows_beside_black_lamps_are_copied() {
+    let at = |corners: [[f64; 3]; 4]| corners.map(DVec3::from).to_vec();
+    let floor = at([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+    let ceiling = at([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 0.0, 1.0]]);
+    let lamp = at([[2.0, 0.1, 0.2], [2.0, 0.1, 0.5], [2.0, 0.4, 0.5], [2.0, 0.4, 0.2]]);
+    let materials = vec![material("grey", 0.5, 0.0), material("white", 0.8, 0.0), material("lamp", 0.0, 1.0)];
+    let scene = scene_of_loops(&[(floor, 0), (ceiling, 1), (lamp, 2)], materials);
+    for store in [Store::Dense, Store::Packed] {
+        let runs = both(&scene, &Strategy { omit: Omissions::ALL, store, ..strategy(Method::ANALYTIC) });
+        let left = &runs[1].left_out.list;
+        assert_eq!(left.iter().map(|left| left.omission).collect::<Vec<_>>(), [Omission::Black, Omission::Symmetry]);
+        // Of 3 × 3 cells a corner, an edge and the middle are computed, for both squares.
+        assert_eq!((left[0].predicted.unknowns, left[1].predicted.rows), (9, Some(15)));
+        saves_what_was_predicted(&runs);
+    }
 }
 
 #[test]

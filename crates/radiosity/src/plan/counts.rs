@@ -138,7 +138,8 @@ impl Plan {
         let only = |roles: &[Role]| -> Vec<Role> {
             self.roles.iter().map(|role| if roles.contains(role) { *role } else { Role::Exchanges }).collect()
         };
-        let (blocks, dark, black) = (count(Role::Blocks), count(Role::Dark), count(Role::Receives));
+        let (blocks, dark, black) =
+            (count(Role::Blocks), count(Role::Dark), count(Role::Receives) + count(Role::Shines));
         let everything = Self::everything(scene);
         let blocking = Self { roles: only(&[Role::Blocks]), ..everything };
         stage(
@@ -257,7 +258,8 @@ impl<'a> Tally<'a> {
         let on_demand = matches!(strategy.store, Store::KeepAll | Store::KeepNone | Store::Hierarchical { .. });
         let ends = |face: &Face<'a>| self.ends(face);
         let role = |plan: &Plan, face: &Face<'a>| plan.roles[face.surface];
-        let computed = |role: Role| matches!(role, Role::Exchanges | Role::Receives);
+        let computed = |role: Role| matches!(role, Role::Exchanges | Role::Receives | Role::Shines);
+        let sends = |role: Role| matches!(role, Role::Exchanges | Role::Shines);
         let simple = |plan: &Plan| {
             let chosen = |is: &dyn Fn(Role) -> bool, of: &dyn Fn(&Face<'a>) -> u64| -> u64 {
                 self.faces.iter().filter(|face| is(role(plan, face))).map(of).sum()
@@ -278,7 +280,7 @@ impl<'a> Tally<'a> {
         };
         let mut counts: Vec<Counts> = plans.iter().map(simple).collect();
         let needed = |plan: &Plan, s: &Face<'a>, t: &Face<'a>| {
-            plan.room[s.surface] == plan.room[t.surface] && computed(role(plan, s)) && role(plan, t) == Role::Exchanges
+            plan.room[s.surface] == plan.room[t.surface] && computed(role(plan, s)) && sends(role(plan, t))
         };
         let form_factors = match strategy.method {
             _ if on_demand || !self.looks => None,

@@ -10,6 +10,7 @@ use radiosity_form_factors::stores::{DiagonalBlocks, Keep, OnDemand, Part};
 use radiosity_form_factors::{MirroredRows, Mirrors, Numbers, PairwiseRows, Rows, SelectedRows};
 use radiosity_geometry::Facets;
 
+use super::lamps::Lamps;
 use super::{Band, BandPlan, Plan, Role, symmetry};
 use crate::bounded::By;
 use crate::estimate::{analytic, ends};
@@ -20,13 +21,13 @@ use crate::{Geometry, Method, Phase, Run, RunError, Shape, Store, Strategy};
 
 /// What takes part in a system, by its numbers among all that is exposed, ascending.
 pub(super) struct Selection {
-    elements: Vec<u32>,
+    pub(super) elements: Vec<u32>,
     patches: Vec<u32>,
 }
 
 impl Selection {
     /// `part`, which was selected by its elements from `whole`.
-    fn new(whole: &Geometry<'_>, part: &Geometry<'_>, elements: Vec<u32>) -> Self {
+    pub(super) fn new(whole: &Geometry<'_>, part: &Geometry<'_>, elements: Vec<u32>) -> Self {
         let place = |p: &u32| whole.exposed_patches().binary_search(p).expect("patches of a part are of the whole");
         Self { elements, patches: part.exposed_patches().iter().map(|p| place(p) as u32).collect() }
     }
@@ -43,8 +44,8 @@ impl Selection {
 
 /// What exchanges light in one room.
 pub(super) struct System<'a> {
-    room: u32,
-    part: Geometry<'a>,
+    pub(super) room: u32,
+    pub(super) part: Geometry<'a>,
     pub(super) selection: Selection,
     /// Which of its rows are mirror images.
     pub(super) mirrors: Option<Mirrors>,
@@ -56,8 +57,7 @@ impl Plan {
         let surfaces = whole.surfaces();
         let of_room = |room: u32| {
             let takes_part = |s: usize| self.room[s] == room && self.roles[s] == Role::Exchanges;
-            let mut elements: Vec<u32> = (0..surfaces.len() as u32).collect();
-            elements.retain(|&e| takes_part(surfaces[e as usize] as usize));
+            let elements = elements_of(&surfaces, &takes_part);
             let part = whole.part(&elements, &self.bands.solved, self.keeps_rows());
             let part = among(part, strategy, &|s| self.room[s] == room);
             let mirrors = self.symmetry.then(|| symmetry::mirrors(&part, strategy)).flatten();
@@ -68,13 +68,18 @@ impl Plan {
     }
 }
 
+/// Elements on the surfaces that a test picks, of those on `surfaces`, ascending.
+pub(super) fn elements_of(surfaces: &[u32], is: &dyn Fn(usize) -> bool) -> Vec<u32> {
+    (0..surfaces.len() as u32).filter(|&e| is(surfaces[e as usize] as usize)).collect()
+}
+
 /// Where each of `some` stands among `all`, both ascending.
-fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
+pub(super) fn places(some: &[u32], all: &[u32]) -> Vec<u32> {
     some.iter().map(|k| all.binary_search(k).expect("a part of all") as u32).collect()
 }
 
 /// A part of which pairs are blocked by what `between` names alone; rows of rays and hemicubes are those of the whole.
-fn among<'a>(part: Geometry<'a>, strategy: &Strategy, between: &dyn Fn(usize) -> bool) -> Geometry<'a> {
+pub(super) fn among<'a>(part: Geometry<'a>, strategy: &Strategy, between: &dyn Fn(usize) -> bool) -> Geometry<'a> {
     if matches!(strategy.method, Method::Analytic { .. }) { part.among(between) } else { part }
 }
 
@@ -94,50 +99,70 @@ pub(crate) fn follow<'a>(
     }
     let savings = plan.left_out_of(&geometry, strategy, &systems);
     let surfaces = geometry.surfaces();
-    let chosen = |is: &dyn Fn(usize) -> bool| -> Vec<u32> {
-        (0..surfaces.len() as u32).filter(|&e| is(surfaces[e as usize] as usize)).collect()
-    };
+    let chosen = |is: &dyn Fn(usize) -> bool| elements_of(&surfaces, is);
     let elements = chosen(&|s| plan.roles[s] == Role::Exchanges);
     let unknowns = elements.len();
     let mut made = if elements.is_empty() {
         nothing_emits(&geometry, strategy)
     } else {
         let mirrors = systems.iter_mut().map(|system| system.mirrors.take()).collect();
+        let lamps = Lamps::new(plan, &geometry, &systems, strategy)?;
+        let (mut given, giving) = lamps.light(&geometry, &elements, plan.bands.solved.len())?;
         let union;
+        if let [one] = &mut systems[..] {
+            one.part.give(given.take());
+        }
         let (part, all) = if let [one] = &systems[..] {
             (&one.part, &one.selection)
         } else {
             let part = geometry.part(&elements, &plan.bands.solved, plan.keeps_rows());
             let lit = |s: usize| systems.iter().any(|system| system.room == plan.room[s]);
-            let part = among(part, strategy, &lit);
+            let mut part = among(part, strategy, &lit);
+            part.give(given);
             let all = Selection::new(&geometry, &part, elements);
             union = (part, all);
             (&union.0, &union.1)
         };
         let mut made = solve_part(&geometry, (part, all), (&systems, mirrors), strategy, observer)?;
+        made.stored_bytes += lamps.stored_bytes();
+        made.solution.cost += giving;
+        made.form_factors.cost += lamps.form_factors.cost;
+        made.form_factors.time += lamps.form_factors.time;
         let clock = Instant::now();
+        if let Some(given) = part.given() {
+            let h = made.solution.irradiance.values_mut().iter_mut().zip(given.irradiance.values());
+            h.for_each(|(h, given)| *h += given);
+        }
         made.checked = made.checked.map(|checked| checked.renamed(all.ends(strategy.shape.form())));
         let h = &made.solution.irradiance;
         let mut irradiance = spread(&plan.bands, &all.elements, surfaces.len(), h);
+        let mut radiosity = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.radiosity);
         // What black elements gather is off by what the light of the others is off by.
         let reflectance = part.reflectance();
-        let mut sent = vec![made.solution.radiosity.clone()];
+        let mut sent = vec![placed(&all.elements, surfaces.len(), &made.solution.radiosity)];
         let bounds = made.missed.iter_mut().filter_map(|missed| missed.by.as_mut());
         let mut bounds: Vec<&mut By> = bounds.collect();
         for by in &mut bounds {
             let mut reflected = by.values.clone();
             let of_element = reflected.values_mut().iter_mut().zip(reflectance.values());
             of_element.for_each(|(by, rho)| *by = if *rho > 0.0 { *by * rho } else { 0.0 });
-            sent.push(reflected);
+            sent.push(placed(&all.elements, surfaces.len(), &reflected));
             by.values = spread(&plan.bands, &all.elements, surfaces.len(), &by.values);
+        }
+        for room in lamps.rooms() {
+            let (h, cost) = room.arriving(&geometry, &sent[0])?;
+            made.solution.cost += cost;
+            fill_in(&plan.bands, &room.lamps, &h, &mut irradiance);
+            fill_in(&plan.bands, &room.lamps, &room.emission, &mut radiosity);
+            place(&room.lamps, &room.emission, &mut sent[0]);
         }
         for room in plan.lit_rooms() {
             let in_this_room = |s: usize| plan.room[s] == room;
             let in_room = |s: usize, role: Role| in_this_room(s) && plan.roles[s] == role;
             let black = chosen(&|s| in_room(s, Role::Receives));
-            let senders = chosen(&|s| in_room(s, Role::Exchanges));
+            let senders = chosen(&|s| in_room(s, Role::Exchanges) || in_room(s, Role::Shines));
             if !black.is_empty() {
-                let (found, cost) = gathered(&geometry, all, (&black, senders), &in_this_room, &sent, strategy)?;
+                let (found, cost) = gathered(&geometry, (&black, senders), &in_this_room, &sent, strategy)?;
                 made.solution.cost += cost;
                 let all = std::iter::once(&mut irradiance).chain(bounds.iter_mut().map(|by| &mut by.values));
                 found.iter().zip(all).for_each(|(found, all)| fill_in(&plan.bands, &black, found, all));
@@ -155,7 +180,7 @@ pub(crate) fn follow<'a>(
             by.squares = plan.bands.of.iter().map(of_band).collect();
         }
         // What is not in the system emits nothing and reflects nothing of what arrives.
-        made.solution.radiosity = spread(&plan.bands, &all.elements, surfaces.len(), &made.solution.radiosity);
+        made.solution.radiosity = radiosity;
         // What arrives at a blocker that has elements is not known.
         for blocker in chosen(&|s| plan.roles[s] == Role::Blocks) {
             (0..irradiance.count()).for_each(|b| irradiance.band_mut(b)[blocker as usize] = f64::NAN);
@@ -173,7 +198,7 @@ pub(crate) fn follow<'a>(
 }
 
 /// Rows of `sources` to the targets of `to` in the form of the strategy; `from` are their facets if they are not those of `to`.
-fn selected_rows<'r>(
+pub(super) fn selected_rows<'r>(
     whole: &'r Geometry<'_>,
     (part, selection): (&'r Geometry<'_>, &Selection),
     from: Option<(&'r Facets, &[u32])>,
@@ -237,10 +262,9 @@ fn solve_part(
     solve_stored(part, &store, known, strategy, None, observer)
 }
 
-/// What black elements of a room gather of each of what is `sent` by the elements of the system.
+/// What black elements of a room gather of each of what is `sent`, on all elements, by the senders there.
 fn gathered(
     whole: &Geometry<'_>,
-    all: &Selection,
     (black, senders): (&[u32], Vec<u32>),
     in_room: &dyn Fn(usize) -> bool,
     sent: &[BandValues],
@@ -251,10 +275,10 @@ fn gathered(
     let facets = whole.elements().select(black);
     let rows = selected_rows(whole, (&own, &selection), Some((&facets, black)), strategy)?;
     // What the senders of the room radiate: elements, or means of patches.
-    let places = places(&selection.elements, &all.elements);
-    let of_band = |band: &[f64]| places.iter().map(|&e| band[e as usize]).collect::<Vec<f64>>();
+    let senders = &selection.elements;
+    let of_band = |band: &[f64]| senders.iter().map(|&e| band[e as usize]).collect::<Vec<f64>>();
     let bands = sent.iter().flat_map(|sent| (0..sent.count()).map(|band| sent.band(band)));
-    let mut x = BandValues::new(bands.flat_map(of_band).collect(), places.len());
+    let mut x = BandValues::new(bands.flat_map(of_band).collect(), senders.len());
     if strategy.shape != Shape::Full {
         x = patch_means(&own, x.view());
     }
@@ -283,6 +307,20 @@ fn patch_means(own: &Geometry<'_>, x: Bands<'_>) -> BandValues {
         of_band.iter_mut().zip(&areas).for_each(|(mean, area)| *mean /= area);
     }
     means
+}
+
+/// Values on so many elements, 0 but on `elements`.
+fn placed(elements: &[u32], count: usize, values: &BandValues) -> BandValues {
+    let mut all = BandValues::zeros(values.count(), count);
+    place(elements, values, &mut all);
+    all
+}
+
+fn place(elements: &[u32], values: &BandValues, all: &mut BandValues) {
+    for b in 0..values.count() {
+        let to = all.band_mut(b);
+        elements.iter().zip(values.band(b)).for_each(|(&e, value)| to[e as usize] = *value);
+    }
 }
 
 /// Values of all bands on so many elements, 0 but on `elements`, from those of the solved bands there.

@@ -5,7 +5,7 @@
 //! | rows and elements of what only blocks | it sends nothing and is not asked for; with rows of rays it keeps its elements, by whose numbers they are drawn | `roles.rs` |
 //! | everything in rooms without an emitter | no light reaches them: 0 | `rooms.rs` |
 //! | form factors between rooms | a closed shell parts them: 0 | `rooms.rs` |
-//! | black surfaces as unknowns | they send nothing; H is gathered once | `roles.rs` |
+//! | black surfaces as unknowns | they reflect nothing: what they send is known, H is gathered once | `roles.rs`, `lamps.rs` |
 //! | bands | they are 0, or multiples of others | `bands.rs` |
 //! | rows that mirror others | isometries map the mesh onto itself: found on it, copied in the store | `symmetry.rs` |
 //!
@@ -21,12 +21,15 @@ mod anyway;
 mod bands;
 mod counts;
 mod follow;
+mod lamps;
 mod omissions;
 mod roles;
 mod rooms;
 mod size;
 mod store;
 mod symmetry;
+
+use std::collections::BTreeSet;
 
 use radiosity_core::Direction;
 use radiosity_form_factors::analytic::PartialVisibility;
@@ -125,13 +128,26 @@ impl Plan {
             roles.iter_mut().filter(|role| **role == Role::Receives).for_each(|role| *role = Role::Exchanges);
         }
         let room = if omits(Omission::Rooms) { room } else { whole };
+        let symmetry = omits(Omission::Symmetry) && symmetry::copies(strategy);
+        // Light is given to unknowns, if there are any beside it and lamps do not belong to what is copied.
+        let given = omits(Omission::Black) && gathers(strategy) && gives(strategy);
+        let with_lamps: BTreeSet<u32> =
+            (0..roles.len()).filter(|&s| roles[s] == Role::Shines).map(|s| room[s]).collect();
+        for number in with_lamps {
+            let of = |role: Role| (0..roles.len()).filter(|&s| room[s] == number && roles[s] == role).collect();
+            let [unknowns, lamps]: [Vec<usize>; 2] = [Role::Exchanges, Role::Shines].map(of);
+            let mut faces = unknowns.iter().chain(&lamps).copied();
+            if !given || unknowns.is_empty() || (symmetry && symmetry::of_faces(scene, strategy, &mut faces)) {
+                lamps.into_iter().for_each(|s| roles[s] = Role::Exchanges);
+            }
+        }
         let data = |b: usize| {
-            let of = (0..roles.len()).filter(|&s| roles[s] == Role::Exchanges).map(material);
+            let sends = |s: &usize| matches!(roles[*s], Role::Exchanges | Role::Shines);
+            let of = (0..roles.len()).filter(sends).map(material);
             of.map(|material| (material.emission[b], material.reflectance[b])).collect()
         };
         let bands =
             if omits(Omission::Bands) { BandPlan::new(scene.bands(), data) } else { BandPlan::all(scene.bands()) };
-        let symmetry = omits(Omission::Symmetry) && symmetry::copies(strategy);
         Self { off, roles, room, bands, bare: !numbers_count(strategy), symmetry }
     }
 
@@ -201,6 +217,12 @@ fn allowed(strategy: &Strategy) -> Omissions {
 /// Whether rows are drawn by the numbers of their elements, which would change if some had none.
 fn numbers_count(strategy: &Strategy) -> bool {
     !matches!(strategy.method, Method::Analytic { partial: PartialVisibility::Exact { .. }, .. })
+}
+
+/// Whether light of black surfaces can be given to the others beforehand: by pairs, which are computed one by one. What is bounded by what lamps send has them in the system.
+fn gives(strategy: &Strategy) -> bool {
+    let pairwise = matches!(strategy.method, Method::Analytic { .. });
+    pairwise && strategy.shape == Shape::Full && strategy.thins().is_none() && strategy.bounces.is_none()
 }
 
 /// Whether H of what is no unknown is one gather of rows of its own: where elements gather, and rows are held.

@@ -41,7 +41,9 @@ impl Omission {
             Self::Blockers => "they send nothing and are not asked for: they only block",
             Self::Dark => "no light reaches them: 0",
             Self::Rooms => "closed walls part them: 0",
-            Self::Black => "black faces send nothing: what arrives is gathered once, at the end",
+            Self::Black => {
+                "black faces reflect nothing: what they send is known, what arrives is gathered once, at the end"
+            }
             Self::Bands => "nothing emits in them, or they are multiples of others",
             Self::Symmetry => "they are mirror images of rows that are computed",
         }

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! So it leaves the system, exactly: form factors between two such surfaces are needed by nobody, and if its H is not asked for those with the
-//! others are not either; it is a blocker then, not meshed. A black surface that emits stays in the system: its rows are those that light
-//! comes by. The same holds of a surface that no light reaches, whatever it reflects: H = 0. A test sees both answers within 1e-12, and the counts that are predicted.
+//! others are not either; it is a blocker then, not meshed. A black surface that emits is no unknown either where its light can be given to the others beforehand (`lamps.rs`); where
+//! rows are estimated as a whole, or patches take part, it stays in the system, since its columns come with the others' rows. The same holds of a surface that no light reaches, whatever it reflects: H = 0. A test sees both answers within 1e-12, and the counts that are predicted.
 
 use radiosity_geometry::Scene;
 
@@ -20,6 +20,8 @@ pub enum Role {
     Exchanges,
     /// Black, without emission: what arrives is gathered once, when the system is solved.
     Receives,
+    /// Black, with emission: B = E is known, and given to the others before the system is solved; what arrives is gathered once.
+    Shines,
     /// No light reaches it, and its answer, 0, is asked for.
     Dark,
     /// It sends nothing and is not asked for: it blocks, and has no elements.
@@ -30,9 +32,16 @@ pub enum Role {
 pub(super) fn roles(scene: &Scene, lit: impl Fn(usize) -> bool, asked: impl Fn(usize) -> bool) -> Vec<Role> {
     let role = |(s, surface): (usize, &radiosity_geometry::Surface)| {
         let material = &scene.materials[surface.material];
-        let sends = material.emission.iter().chain(&material.reflectance).any(|&value| value != 0.0);
-        match (lit(s) && sends, asked(s), lit(s)) {
-            (true, ..) => Role::Exchanges,
+        let [reflects, emits] =
+            [&material.reflectance, &material.emission].map(|of| of.iter().any(|&value| value != 0.0));
+        match (lit(s) && (reflects || emits), asked(s), lit(s)) {
+            (true, ..) => {
+                if reflects {
+                    Role::Exchanges
+                } else {
+                    Role::Shines
+                }
+            }
             (false, false, _) => Role::Blocks,
             (false, true, true) => Role::Receives,
             (false, true, false) => Role::Dark,

@@ -18,7 +18,9 @@
 //! some of its own faces are not inside. Where vertices do not match (a wall whose neighbour is cut elsewhere) nothing is
 //! proven and nothing left out. (Polyhedra from faces: J. O'Rourke, Computational Geometry in C, 1998, ch. 7 for the parity of crossings.)
 //!
-//! What is *not* here: surfaces that one polygon hides from each other without a shell between, and walls of unmatched edges.
+//! What is *not* here: surfaces that one polygon hides from each other without a shell between, and walls that meet in a T, where a vertex of one
+//! lies inside an edge of another. Whether it lies there is a matter of rounding, and so is whether a ray slips through the slit: only edges that two faces share bit for bit are tight to the
+//! estimators. So F between such rooms is not 0 to the last bit, and leaving it out would not be exact. Cut at that vertex the longer edge matches.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;

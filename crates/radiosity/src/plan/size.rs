@@ -27,19 +27,21 @@ pub struct PlannedSize {
     pub all: Size,
     /// One system of as many entries as the plan keeps, in the bands that it solves.
     pub kept: Size,
+    /// Pairs of an unknown and of an element of a black face that emits.
+    pub given: u64,
 }
 
 impl PlannedSize {
     /// Predicts `strategy` by the plan; elements and patches are all there are.
     pub fn predict(&self, strategy: &Strategy) -> Prediction {
-        let Self { all, kept } = self;
+        let Self { all, kept, given } = self;
         let kept_alone = predict(kept, strategy);
         let beside = if all == kept {
             0
         } else {
             let answers = ANSWERS * 8 * all.bands * all.elements;
             let selected = Facets::selected_bytes_of(all.elements) + 8 * all.elements;
-            answers + selected + estimator_bytes(strategy) * all.elements.saturating_sub(kept.elements)
+            answers + selected + 8 * given + estimator_bytes(strategy) * all.elements.saturating_sub(kept.elements)
         };
         let peak_bytes = kept_alone.peak_bytes.saturating_add(beside);
         Prediction { elements: all.elements, patches: all.patches, peak_bytes, ..kept_alone }
@@ -78,7 +80,7 @@ impl Plan {
     /// What is kept of `all`, which is distributed over surfaces so.
     fn kept_of(&self, all: Size, of_surface: &[MeshSize]) -> PlannedSize {
         if !self.omits() {
-            return PlannedSize { all, kept: all };
+            return PlannedSize { all, kept: all, given: 0 };
         }
         let mut of_room: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
         for (s, size) in of_surface.iter().enumerate().filter(|(s, _)| self.roles[*s] == Role::Exchanges) {
@@ -86,8 +88,12 @@ impl Plan {
             *m += size.cells as f64;
             *n += size.patches as f64;
         }
+        let lamps = of_surface.iter().enumerate().filter(|(s, _)| self.roles[*s] == Role::Shines);
+        let unknowns = |s: usize| of_room.get(&self.room[s]).map_or(0.0, |room| room.0);
+        let given = lamps.map(|(s, size)| size.cells as f64 * unknowns(s)).sum::<f64>() as u64;
         let root = |of: fn(&(f64, f64)) -> f64| of_room.values().map(|room| of(room).powi(2)).sum::<f64>().sqrt();
         let (elements, patches) = (root(|room| room.0).ceil() as u64, root(|room| room.1).ceil() as u64);
-        PlannedSize { all, kept: Size { elements, patches, bands: self.bands.solved.len() as u64, ..all } }
+        let kept = Size { elements, patches, bands: self.bands.solved.len() as u64, ..all };
+        PlannedSize { all, kept, given }
     }
 }

@@ -22,7 +22,7 @@ use glam::{DMat3, DVec3};
 use radiosity_core::mix;
 use radiosity_form_factors::Mirrors;
 use radiosity_form_factors::analytic::PartialVisibility;
-use radiosity_geometry::{Facets, Polygon};
+use radiosity_geometry::{Facets, Polygon, Scene};
 
 use crate::{Geometry, Method, Shape, Store, Strategy};
 
@@ -367,6 +367,13 @@ pub(super) fn mirrors(geometry: &Geometry<'_>, strategy: &Strategy) -> Option<Mi
         }
     }
     Some(Mirrors::new(originals, group.into_iter().map(|mut found| found.maps.swap_remove(targets)).collect()))
+}
+
+/// Whether some faces of a scene, each taken as a whole, are mapped onto themselves: then their elements mostly are.
+pub(super) fn of_faces(scene: &Scene, strategy: &Strategy, faces: &mut dyn Iterator<Item = usize>) -> bool {
+    let mut facets = Facets::new();
+    faces.for_each(|s| facets.push(scene.surfaces[s].pieces.iter().cloned(), false));
+    group(&[&facets], &[], !agrees(strategy.method)).is_some()
 }
 
 /// Whether a run by `strategy` copies rows in its store.
