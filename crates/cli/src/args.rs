@@ -324,7 +324,7 @@ pub struct PlanArgs {
     #[arg(long)]
     pub keep_everything: bool,
     /// Faces or groups whose solution is wanted, by number from 0 or by name, with commas between; all if not given. What sends nothing
-    /// and is not wanted only blocks; --tolerance is of these faces, and links and refinement elsewhere are as coarse as they allow.
+    /// and is not wanted only blocks, as does a closed room that holds nothing wanted; --tolerance is of these faces, and links and refinement elsewhere are as coarse as they allow.
     #[arg(long, value_name = "FACE,GROUP,…", value_delimiter = ',')]
     pub ask: Vec<String>,
     /// Only what a camera shows is wanted, placed by --eye, --look-at, --up, --fov and --size as that of `render`: --tolerance, --thin-error and --bounce-error are

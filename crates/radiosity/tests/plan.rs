@@ -314,6 +314,32 @@ fn what_is_not_asked_for_and_sends_nothing_only_blocks() {
     }
 }
 
+/// Both rooms are lit, and only the floor of the first is asked for: the answer there is that of both, and the run that of the first alone.
+#[test]
+fn a_lit_room_that_holds_nothing_asked_for_costs_what_no_room_costs() {
+    let (two, one) = (two_rooms([true, true]), one_room());
+    for method in [Method::ANALYTIC, Method::rays(64), Method::HEMICUBE] {
+        let strategy = Strategy { asked: Some(vec![0]), ..strategy(method) };
+        let everything = Strategy { omit: Omissions::NONE, ..strategy.clone() };
+        let [whole, planned] = [&everything, &strategy].map(|strategy| run(&two, strategy, &mut ()).unwrap());
+        for (all, some) in [
+            (&whole.solution.radiosity, &planned.solution.radiosity),
+            (&whole.solution.irradiance, &planned.solution.irradiance),
+        ] {
+            for b in 0..all.count() {
+                let differences = all.band(b)[..9].iter().zip(some.band(b)).map(|(all, some)| (all - some).abs());
+                let largest = all.band(b).iter().copied().fold(0.0, f64::max);
+                assert!(differences.fold(0.0, f64::max) < 1e-12 * largest, "{method:?}");
+            }
+        }
+        saves_what_was_predicted(&[whole, planned]);
+    }
+    let asked = Strategy { asked: Some(vec![0]), ..strategy(Method::ANALYTIC) };
+    let [planned, alone] = [&two, &one].map(|scene| run(scene, &asked, &mut ()).unwrap());
+    assert_eq!(planned.geometry.elements().len(), alone.geometry.elements().len());
+    assert_eq!(planned.cost(), alone.cost());
+}
+
 /// Two storeys, the upper one dark, without their sheets asked for: all that a plan knows of can be left out, and each alone.
 #[test]
 fn every_omission_alone_and_all_together_change_nothing_and_save_what_was_predicted() {

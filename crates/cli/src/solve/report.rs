@@ -125,8 +125,11 @@ fn power(run: &Run<'_>) -> (Vec<f64>, Vec<f64>) {
     let areas = run.geometry.elements().areas();
     let (e, rho) = (run.geometry.emission(), run.geometry.reflectance());
     let h = &run.solution.irradiance;
-    let emitted = |b: usize| areas.iter().zip(e.band(b)).map(|(a, e)| a * e).sum();
     // By what is asked for, and what that needed.
+    let emitted = |b: usize| {
+        let by_element = areas.iter().zip(e.band(b)).zip(h.band(b)).filter(|(_, h)| !h.is_nan());
+        by_element.map(|((a, e), _)| a * e).sum()
+    };
     let absorbed = |b: usize| {
         let by_element = areas.iter().zip(rho.band(b)).zip(h.band(b)).map(|((a, rho), h)| a * (1.0 - rho) * h);
         by_element.filter(|power| !power.is_nan()).sum()

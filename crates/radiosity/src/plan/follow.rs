@@ -179,12 +179,18 @@ pub(crate) fn follow<'a>(
             };
             by.squares = plan.bands.of.iter().map(of_band).collect();
         }
-        // What is not in the system emits nothing and reflects nothing of what arrives.
-        made.solution.radiosity = radiosity;
-        // What arrives at a blocker that has elements is not known.
+        // What arrives at a blocker that has elements is not known, nor what it reflects of that; all else that is not in the system sends nothing.
+        let of_materials = [geometry.emission(), geometry.reflectance()];
         for blocker in chosen(&|s| plan.roles[s] == Role::Blocks) {
-            (0..irradiance.count()).for_each(|b| irradiance.band_mut(b)[blocker as usize] = f64::NAN);
+            let e = blocker as usize;
+            for b in 0..irradiance.count() {
+                irradiance.band_mut(b)[e] = f64::NAN;
+                if of_materials.iter().any(|of| of.band(b)[e] != 0.0) {
+                    radiosity.band_mut(b)[e] = f64::NAN;
+                }
+            }
         }
+        made.solution.radiosity = radiosity;
         made.solution.irradiance = irradiance;
         made.solution.time += clock.elapsed();
         made

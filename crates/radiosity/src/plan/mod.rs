@@ -2,7 +2,7 @@
 //!
 //! | left out | because | file |
 //! |---|---|---|
-//! | rows and elements of what only blocks | it sends nothing and is not asked for; with rows of rays it keeps its elements, by whose numbers they are drawn | `roles.rs` |
+//! | rows and elements of what only blocks | it is not asked for, and sends nothing or nothing to what is; with rows of rays it keeps its elements, by whose numbers they are drawn | `roles.rs` |
 //! | everything in rooms without an emitter | no light reaches them: 0 | `rooms.rs` |
 //! | form factors between rooms | a closed shell parts them: 0 | `rooms.rs` |
 //! | black surfaces as unknowns | they reflect nothing: what they send is known, H is gathered once | `roles.rs`, `lamps.rs` |
@@ -122,7 +122,11 @@ impl Plan {
         (0..scene.surfaces.len()).for_each(|s| lit[room[s] as usize] |= material(s).emission.iter().any(|&e| e > 0.0));
         let asked = if omits(Omission::Blockers) { strategy.asked_surfaces(scene) } else { None };
         let asked = |s: usize| asked.as_ref().is_none_or(|asked| asked.binary_search(&(s as u32)).is_ok());
-        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], asked);
+        // Rooms with something that is asked for; all of them if they are one system, or nothing is.
+        let asked_for: Vec<usize> = (0..scene.surfaces.len()).filter(|&s| asked(s)).collect();
+        let mut wanted = vec![!omits(Omission::Rooms) || asked_for.is_empty(); scene.surfaces.len()];
+        asked_for.into_iter().for_each(|s| wanted[room[s] as usize] = true);
+        let mut roles = roles::roles(scene, |s| lit[room[s] as usize], asked, |s| wanted[room[s] as usize]);
         // Where rows are asked for one by one, those of black faces are those of the others.
         if !(omits(Omission::Black) && gathers(strategy)) {
             roles.iter_mut().filter(|role| **role == Role::Receives).for_each(|role| *role = Role::Exchanges);

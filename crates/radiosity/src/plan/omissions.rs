@@ -5,7 +5,7 @@ use std::ops::{BitOr, Sub};
 /// An exact omission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Omission {
-    /// Rows and elements of what sends nothing and is not asked for.
+    /// Rows and elements of what is not asked for and sends nothing, or nothing to what is.
     Blockers,
     /// Everything in rooms that no light reaches.
     Dark,
@@ -38,7 +38,7 @@ impl Omission {
     /// Why it changes nothing.
     pub fn reason(&self) -> &'static str {
         match self {
-            Self::Blockers => "they send nothing and are not asked for: they only block",
+            Self::Blockers => "nothing that is asked for depends on what they send: they only block",
             Self::Dark => "no light reaches them: 0",
             Self::Rooms => "closed walls part them: 0",
             Self::Black => {
