@@ -101,7 +101,7 @@ pub struct Constants {
     pub point: f64,
     /// A segment of a partly blocked pair.
     pub segment: f64,
-    /// A ray for each doubling of the elements that it may meet, and more for one polygon that may block; more of them count by the power [`CROSSED`].
+    /// A ray for each doubling of the elements that it may meet, and more for one polygon that may block; of B of them B^0.7 times.
     pub ray: (f64, f64),
     /// An entry read for all bands, of a full row, by Gauss and Seidel.
     pub entry: f64,
