@@ -89,11 +89,9 @@ pub struct Constants {
     pub element: f64,
     /// An element in a round of an adaptive run: neighbours, a finer mesh to probe.
     pub estimate: f64,
-    /// A pair of polygons, whether they face each other or not.
-    pub pair: f64,
-    /// A pair that faces each other where nothing blocks.
+    /// A pair where nothing blocks.
     pub clear: f64,
-    /// A pair looked at for blockers.
+    /// A pair that faces each other, looked at for blockers.
     pub tested: f64,
     /// An exact emitter of a row of rays.
     pub emitter: f64,
@@ -121,7 +119,6 @@ impl Default for Constants {
         Self {
             element: 3.1e-6,
             estimate: 5e-6,
-            pair: 0.0,
             clear: 22e-9,
             tested: 130e-9,
             emitter: 0.1e-6,
@@ -169,7 +166,6 @@ impl Constants {
         Ok(Self {
             element: plain.element * rest,
             estimate: plain.estimate * rest,
-            pair: plain.pair * of_pairs,
             clear: plain.clear * of_pairs,
             tested: plain.tested * of_pairs,
             emitter: plain.emitter * of_rays,
@@ -299,13 +295,12 @@ impl Model<'_> {
     fn pairs(&self, pairs: f64, cells: f64) -> f64 {
         let (c, u, (count, cost)) = (self.constants, self.finer(cells), self.pilot.drawn);
         if self.pilot.blocking == 0 {
-            return pairs * (c.pair + c.clear);
+            return pairs * c.clear;
         }
         let share = |counted: u64| counted as f64 / count.max(1) as f64;
         let facing = share(cost.clear_pairs + cost.hidden_pairs + cost.partial_pairs);
         pairs
-            * (c.pair
-                + facing * c.tested
+            * (facing * c.tested
                 + share(cost.visibility_points) * u.powf(-POINTS) * c.point
                 + share(cost.rays) / u * c.segment)
     }
