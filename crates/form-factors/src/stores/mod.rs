@@ -162,6 +162,14 @@ fn check_memory(sources: usize, targets: usize, needed: u64, limit: Option<u64>)
     }
 }
 
+/// Entries to read that are worth waking another thread for.
+const WORTH_IT: usize = 1 << 14;
+
+/// Tasks of so many entries that one thread takes together.
+fn tasks_worth_it(entries: usize) -> usize {
+    WORTH_IT.div_ceil(entries.max(1))
+}
+
 /// Sets y_s in all bands to the sums that `dots(s, sums)` fills in, rows in parallel over fixed pieces.
 fn by_rows(y: BandsMut<'_>, dots: impl Fn(usize, &mut [f64]) + Sync) {
     let bands = y.count();
@@ -172,9 +180,11 @@ fn by_rows(y: BandsMut<'_>, dots: impl Fn(usize, &mut [f64]) + Sync) {
 fn by_pieces(mut y: BandsMut<'_>, dots: impl Fn(Range<usize>, &mut [f64]) + Sync) {
     let (bands, len) = (y.count(), y.len());
     let fill = |sums: &mut [f64]| {
-        sums.par_chunks_mut(PIECE * bands).enumerate().for_each(|(k, piece)| {
-            dots(k * PIECE..k * PIECE + piece.len() / bands, piece);
-        });
+        sums.par_chunks_mut(PIECE * bands).enumerate().with_min_len(tasks_worth_it(PIECE * len)).for_each(
+            |(k, piece)| {
+                dots(k * PIECE..k * PIECE + piece.len() / bands, piece);
+            },
+        );
     };
     match bands {
         0 => (),
@@ -219,7 +229,7 @@ fn by_blocks<T: Sync>(
         next(state, &block, view);
         let (state, mut inside, mut sums) = (&*state, vec![0.0; len * len], vec![0.0; bands * len]);
         let tasks = inside.par_chunks_mut(ROWS_OF_TASK * len).zip(sums.par_chunks_mut(ROWS_OF_TASK * bands));
-        tasks.enumerate().for_each(|(k, (inside, sums))| {
+        tasks.enumerate().with_min_len(tasks_worth_it(ROWS_OF_TASK * n)).for_each(|(k, (inside, sums))| {
             let first = begin + k * ROWS_OF_TASK;
             fill(state, first..first + inside.len() / len, view, sums, inside);
         });

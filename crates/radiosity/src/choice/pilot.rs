@@ -15,7 +15,7 @@ use radiosity_core::{BandValues, Cost, Form, StopRule};
 use radiosity_form_factors::Pairwise;
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
-use radiosity_geometry::{Facets, Scene};
+use radiosity_geometry::{Facets, Scene, Surface};
 use rayon::prelude::*;
 
 use super::candidates::{FEW_RAYS, pairs_among};
@@ -23,7 +23,7 @@ use crate::estimate::{EMITTER_ERROR, analytic, emitter_rows, fill, rows};
 use crate::strategy::partial_among;
 use crate::{Geometry, Method, RunError, Size, Store, solve_on};
 
-/// Cells of a face along an edge, at most; half as many for report grids of fewer than twice that.
+/// Cells of a face along an edge, at most; half as many for coarser report grids.
 const CELLS: u32 = 4;
 /// Elements of the pilot at most: of the most cells, and of two along an edge.
 const MOST: [u64; 2] = [256, 8192];
@@ -66,6 +66,10 @@ pub struct Pilot {
     pub cells: u32,
     /// Elements of the pilot.
     pub elements: usize,
+    /// Elements of a mesh of twice as many along an edge, if contacts cut or cover some of the pilot.
+    pub twice_as_fine: Option<usize>,
+    /// Edge of what is seen as fine as that, in units of the edge of the largest face: the geometric mean of what shines and what blocks.
+    pub detail: f64,
     /// Error by what patches send, see the module page.
     pub senders: f64,
     /// Error by what patches hold.
@@ -106,8 +110,10 @@ impl Pilot {
             bands: scene.bands(),
             cells,
             elements: geometry.elements().len(),
+            twice_as_fine: twice_as_fine(scene, cells, geometry.elements().len())?,
             drawn,
             cost: solved.cost + drawn.1 + to_emitters.1,
+            detail: detail(scene, blocking),
             senders: solved.senders,
             receivers: solved.receivers,
             indirect: solved.indirect,
@@ -115,6 +121,27 @@ impl Pilot {
             to_emitters,
         })
     }
+}
+
+/// Elements of a mesh of twice `cells` along an edge, unless the `elements` of `cells` are those of faces that nothing cuts.
+fn twice_as_fine(scene: &Scene, cells: u32, elements: usize) -> Result<Option<usize>, RunError> {
+    let uniform = |k| MeshSettings { elements: Subdivision::Uniform(k), patches: None, contacts: true };
+    if Size::before_meshing(scene, &uniform(cells))?.elements == elements as u64 {
+        return Ok(None);
+    }
+    Ok(Some(Geometry::new(scene, &uniform(2 * cells))?.elements().len()))
+}
+
+/// Edge of the largest face that shines, and where something blocks the geometric mean of it and of the median of all faces, in units of the edge of the largest.
+fn detail(scene: &Scene, blocking: usize) -> f64 {
+    let mut areas: Vec<f64> = scene.surfaces.iter().map(Surface::area).collect();
+    areas.sort_by(f64::total_cmp);
+    let Some(&largest) = areas.last().filter(|area| **area > 0.0) else { return 1.0 };
+    let shines = |surface: &&Surface| scene.materials[surface.material].emission.iter().any(|&e| e > 0.0);
+    let lit = scene.surfaces.iter().filter(shines).map(Surface::area).fold(0.0, f64::max);
+    let of_lit = if lit > 0.0 { (lit / largest).sqrt() } else { 1.0 };
+    let usual = (areas[areas.len() / 2] / largest).sqrt();
+    if blocking > 0 { (of_lit * usual).sqrt() } else { of_lit }
 }
 
 /// What a coarse solution tells.
@@ -176,7 +203,7 @@ fn cells_of(scene: &Scene, report_grid: u32) -> Result<u32, RunError> {
         Ok((size.elements <= most).then_some(cells))
     };
     let coarse = few((2, MOST[1]))?;
-    let fine = if coarse.is_some() && report_grid >= 2 * CELLS { few((CELLS, MOST[0]))? } else { None };
+    let fine = if coarse.is_some() && report_grid >= CELLS { few((CELLS, MOST[0]))? } else { None };
     Ok(fine.or(coarse).unwrap_or(1))
 }
 
