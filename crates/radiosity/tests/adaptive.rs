@@ -137,7 +137,7 @@ fn the_estimate_sees_the_edges_of_shadows_inside_elements() {
         let case = BlockedLight::at(height);
         let scene = case.scene();
         for patches in [8, 4] {
-            let settings = Adaptive::new(Goal::Cells(8), 1.0).from_cells(patches);
+            let settings = Adaptive::new(Goal::Cells(8), 0.5).from_cells(patches);
             let run = adaptive(&scene, Method::ANALYTIC, &settings);
             let (estimate, error) = (estimated(&run), true_error(&run, &under_a_blocked_light(&case, 8, &run)));
             assert_eq!(run.rounds.len(), 1);
@@ -151,7 +151,7 @@ fn the_estimate_sees_the_edges_of_shadows_inside_elements() {
 fn the_estimate_sees_a_shadow_between_the_corners_of_an_element() {
     let case = BlockedLight { blocker_x: [0.1, 0.4], ..BlockedLight::at(0.1) };
     let scene = case.scene();
-    let run = adaptive(&scene, Method::ANALYTIC, &Adaptive::new(Goal::Cells(1), 1.0).from_cells(1));
+    let run = adaptive(&scene, Method::ANALYTIC, &Adaptive::new(Goal::Cells(1), 0.5).from_cells(1));
     let means = GridValues::means(&run.run.geometry, &run.run.solution.irradiance, 1).unwrap();
     let (estimate, error) = (estimated(&run), means.error(&under_a_blocked_light(&case, 1, &run)).rms);
     assert_eq!(run.run.geometry.elements().len(), 3);
