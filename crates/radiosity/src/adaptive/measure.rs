@@ -11,7 +11,7 @@
 //! ```
 //!
 //! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
-//! finer than the mesh, on which B follows the recovered slopes. H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
+//! finer than the mesh, on which B follows the recovered slopes, or direct light where a shadow ends (see `edges`). H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
 //! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums
 //! over elements and ⟨H⟩ are theirs alone,
 //! and what errs elsewhere counts by its importance Y to them ([`crate::Importance`]); half of the probes are theirs, half spread evenly over A (Y − W):
@@ -28,6 +28,7 @@ use radiosity_form_factors::Receivers;
 use radiosity_geometry::Facets;
 use rayon::prelude::*;
 
+use super::edges::differences;
 use super::variation::Variation;
 use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
@@ -109,7 +110,7 @@ pub(super) fn measure(
         None => (spread_over(&areas, PROBES), Vec::new()),
         Some(weights) => (spread_over(&asked, PROBES / 2), spread_over(weights, PROBES / 2)),
     };
-    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), &averaged)?;
+    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), (&averaged, level))?;
     let senders = match &indirect {
         None => reflected * near.senders.sqrt(),
         Some(weights) => near.senders.sqrt() + ((reflected - 1.0).max(0.0) * share(weights) * far.senders).sqrt(),
@@ -142,7 +143,7 @@ fn probe(
     solved: &Solution,
     (variation, groups): (&Variation, [&Vec<usize>; 2]),
     (rays, seed): (u32, u64),
-    averaged: &(dyn Fn(usize) -> f64 + Sync),
+    (averaged, level): (&(dyn Fn(usize) -> f64 + Sync), f64),
 ) -> Result<[Probed; 2], RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
     let probes = groups.map(|group| &group[..]).concat();
@@ -157,12 +158,8 @@ fn probe(
     geometry.exposed().iter().enumerate().for_each(|(k, &e)| place[e as usize] = k);
     let of: Vec<usize> = fine.exposed().iter().map(|&e| place[refined.origins[e as usize].index()]).collect();
     let (rho, means) = (geometry.reflectance(), patch_means(state, b));
-    let at = |band: usize, k: usize| {
-        let e = of[k];
-        let from = geometry.elements().polygons(e)[0].centroid();
-        let along = variation.gradient(band, e).dot(fine.elements().polygons(k)[0].centroid() - from);
-        (b.band(band)[e] + rho.band(band)[e] * along).max(0.0)
-    };
+    let apart = differences(state, variation, (&fine, &of), level)?;
+    let at = |band: usize, k: usize| (b.band(band)[of[k]] + rho.band(band)[of[k]] * apart.band(band)[k]).max(0.0);
     let m = of.len();
     let values: Vec<[f64; 2]> = (0..b.count())
         .flat_map(|band| (0..m).map(move |k| (band, k)))

@@ -19,6 +19,7 @@
 //! The error is estimated in parts, see [`ErrorEstimate`]. What is *not* here: uniform refinement ([`crate::run_to_tolerance`]), and links between
 //! levels.
 
+mod edges;
 mod marks;
 mod measure;
 mod shadows;
