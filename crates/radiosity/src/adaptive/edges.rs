@@ -37,8 +37,12 @@ const BRIGHTER: f64 = 2.0;
 const LEAST: f64 = 0.05;
 /// Error of form factors with nothing between, which enter nothing but the estimate.
 const TOLERANCE: f64 = 1e-4;
-/// Segments of a partly hidden child: their noise adds 1 % to the estimate of the Cornell box, half as many 5 %.
-const SEGMENTS: u32 = 16;
+/// Segments of a partly hidden child, about: with half as many their noise adds 5 % to the estimate of the Cornell box.
+const SEGMENTS: f64 = 64.0;
+/// Form factor from which on a pair gets more segments than it is given, in proportion ([`PartialVisibility::Rays`]).
+const LARGE: f64 = 1.0 / 300.0;
+/// Powers of two of segments that pairs are given, the first ones.
+const POWERS: u32 = 5;
 
 /// An emitter that counts.
 struct Light {
@@ -70,20 +74,25 @@ pub(super) fn differences(
 
     let lights = lights(geometry, level);
     let crossed = crossed(state, &lights, level);
-    let children: Vec<u32> = (0..of.len() as u32).filter(|&k| crossed[of[k as usize]]).collect();
+    let children: Vec<u32> = (0..of.len() as u32).filter(|&k| crossed[of[k as usize]].is_some()).collect();
     if children.is_empty() {
         return Ok(found);
     }
     let sources = fine.elements().select(&children);
     let places: Vec<u32> = lights.iter().map(|light| light.place).collect();
     let targets = geometry.emitters().0.select(&places);
-    let partial = PartialVisibility::Rays { samples: SEGMENTS, standard_error: f64::INFINITY };
-    let estimator = analytic(geometry.blockers(), partial);
-    let rows = PairwiseRows::new(estimator, &sources, &targets, TOLERANCE, state.seed);
+    let with_samples = |power: u32| {
+        let partial = PartialVisibility::Rays { samples: 1 << power, standard_error: f64::INFINITY };
+        PairwiseRows::new(analytic(geometry.blockers(), partial), &sources, &targets, TOLERANCE, state.seed)
+    };
+    let rows: Vec<_> = (0..POWERS).map(with_samples).collect();
     // A_c H_c by these lights.
     let direct = |j: usize| -> Result<Vec<f64>, StoreError> {
         let mut row = vec![0.0; lights.len()];
-        rows.row(j, &mut row)?;
+        let open = crossed[of[children[j] as usize]].expect("children of what is crossed");
+        let samples = SEGMENTS / (open / LARGE).max(1.0);
+        let power = (samples.max(1.0).log2().round() as usize).min(rows.len() - 1);
+        rows[power].row(j, &mut row)?;
         let of_band = |band: usize| lights.iter().zip(&row).map(|(light, f)| light.emission[band] * f).sum::<f64>();
         Ok((0..bands).map(of_band).collect())
     };
@@ -109,16 +118,19 @@ pub(super) fn differences(
     Ok(found)
 }
 
-/// Whether a shadow ends in each element.
-fn crossed(state: &State<'_>, lights: &[Light], level: f64) -> Vec<bool> {
+/// The largest form factor, with nothing between, of each element to a light whose shadow ends there, if any does.
+fn crossed(state: &State<'_>, lights: &[Light], level: f64) -> Vec<Option<f64>> {
     let (m, reflectance) = (state.geometry.elements().len(), state.geometry.reflectance());
     let sends = |e: usize| (0..reflectance.count()).any(|band| reflectance.band(band)[e] > 0.0);
-    let is_crossed = |e: usize| sends(e) && lights.iter().any(|light| partly_hidden(state, light, e, level));
-    (0..m).into_par_iter().map(is_crossed).collect()
+    let open = |e: usize| {
+        let partly = lights.iter().filter_map(|light| partly_hidden(state, light, e, level));
+        partly.filter(|_| sends(e)).reduce(f64::max)
+    };
+    (0..m).into_par_iter().map(open).collect()
 }
 
-/// Whether a light is partly hidden from an element, and so much of it that it matters.
-fn partly_hidden(state: &State<'_>, light: &Light, e: usize, level: f64) -> bool {
+/// The form factor of an element to a light with nothing between, if the light is partly hidden from it and so much of it that it matters.
+fn partly_hidden(state: &State<'_>, light: &Light, e: usize, level: f64) -> Option<f64> {
     let elements = state.geometry.elements();
     let noise = match state.method {
         // The totals of emitters have none.
@@ -129,9 +141,9 @@ fn partly_hidden(state: &State<'_>, light: &Light, e: usize, level: f64) -> bool
     let open: f64 = pieces.iter().map(|piece| unoccluded(&elements.polygons(e)[0], piece, TOLERANCE).value).sum();
     let entries = state.store.entries(e);
     let seen: f64 = light.patches.iter().map(|&p| entries[p]).sum();
-    let hidden = open - seen;
-    let varies = mean(&light.emission) * (seen * hidden).max(0.0).sqrt() / elements.area(e);
-    seen.min(hidden) > noise && varies > LEAST * level
+    let (hidden, area) = (open - seen, elements.area(e));
+    let varies = mean(&light.emission) * (seen * hidden).max(0.0).sqrt() / area;
+    (seen.min(hidden) > noise && varies > LEAST * level).then_some(open / area)
 }
 
 fn mean(values: &[f64]) -> f64 {
