@@ -71,6 +71,7 @@ impl Area {
 
 pub(super) fn figure(figure: &Figure) -> Drawing {
     let (width, height, in_row) = arrangement(figure.panels.len());
+    let width = figure.panels.iter().map(width_of_categories).fold(width, f64::max);
     let several = figure.panels.len() > 1;
     let settled = settle(figure, height, several);
     let mut shapes = Vec::new();
@@ -272,9 +273,19 @@ fn x_ticks(settled: &Settled<'_>, area: Area) -> Vec<Tick> {
     })
 }
 
+/// Width between names of neighbouring categories, at least.
+const CATEGORY_GAP: f64 = 6.0;
+
+/// Width in which the widest word of all categories has room under each group of bars.
+fn width_of_categories(panel: &Panel) -> f64 {
+    let words = panel.categories.iter().flat_map(|name| name.split_whitespace());
+    let widest = words.map(|word| text_width(word, TICK_SIZE)).fold(0.0, f64::max);
+    panel.categories.len() as f64 * (widest + CATEGORY_GAP)
+}
+
 /// Names of the categories, broken between words where they are wider than their group of bars.
 fn category_lines(panel: &Panel, width: f64) -> Vec<Vec<String>> {
-    let room = width / panel.categories.len().max(1) as f64 - 6.0;
+    let room = width / panel.categories.len().max(1) as f64 - CATEGORY_GAP;
     let broken = |name: &String| {
         let mut lines: Vec<String> = Vec::new();
         for word in name.split_whitespace() {

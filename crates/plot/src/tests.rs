@@ -52,6 +52,27 @@ fn a_failed_bar_is_crossed() {
     assert_eq!(crosses(&figure), 2);
 }
 
+/// Names that stand on one line begin where those before have ended.
+#[test]
+fn names_of_many_bars_do_not_run_into_each_other() {
+    let names: Vec<String> = (0..16).map(|k| format!("furnished, kaleidoscope {k}")).collect();
+    let points = (0..16).map(|k| point(f64::from(k), 1.0, Quality::Good));
+    let panel = Panel::bars(names, Axis::linear("time", "s")).series(Series::new("Jacobi", "jacobi").points(points));
+    let drawing = Figure::new("bars", "").panel(panel).draw();
+    let mut ends = Vec::new();
+    for shape in &drawing.shapes {
+        if let Shape::Text { at, text, size, .. } = shape
+            && text.starts_with("kaleidoscope")
+        {
+            let half = surface::text_width("kaleidoscope", *size) / 2.0;
+            ends.push((at.0 - half, at.0 + half));
+        }
+    }
+    assert_eq!(ends.len(), 16);
+    assert!(ends.windows(2).all(|pair| pair[0].1 < pair[1].0));
+    assert!(ends[15].1 < drawing.width);
+}
+
 #[test]
 fn the_fitted_slope_stands_in_the_figure() {
     let power = |s: f64| Series::new("CG", "cg").values([1.0, 2.0, 4.0, 8.0].map(|x: f64| (x, x.powf(s)))).fit();
