@@ -234,11 +234,12 @@ fn measure(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
         again.chosen().candidate.run(&case.scene, &again.target, &mut || true)?;
         chosen_times.push(clock.elapsed().as_secs_f64());
         for (ranked, tried) in choice.ranking.iter().zip(&mut tried) {
-            if tried.as_ref().is_some_and(|t: &Tried| !t.met || t.times[0] > AGAIN * best.min(2.0 * thought)) {
+            let fastest = if best.is_finite() { best } else { thought };
+            if tried.as_ref().is_some_and(|t: &Tried| !t.met || t.times[0] > AGAIN * fastest) {
                 continue;
             }
             // What is predicted to be that slow is not begun; a first mesh is not cut off.
-            let most = if limited { CUT_OFF * if best.is_finite() { best } else { thought } } else { f64::INFINITY };
+            let most = if limited { CUT_OFF * fastest } else { f64::INFINITY };
             if turn == 0 && ranked.expected.seconds > most {
                 continue;
             }

@@ -67,7 +67,7 @@ use visibility::{Blocking, Screens, Visibility};
 const TOLERANCE: f64 = 1e-6;
 /// Form factor (the larger of F_ij and F_ji) from which on a pair gets more segments, in proportion: the sum of variances
 /// Σ F²/N at a given sum of N is least for N ∝ F, and the segments of a row stay below samples · (pairs + 300).
-const LARGE: f64 = 1.0 / 300.0;
+pub const LARGE: f64 = 1.0 / 300.0;
 /// Targets whose bounds are kept at once.
 const RUN: usize = 256;
 
@@ -122,7 +122,7 @@ pub enum PartialVisibility {
     },
     /// The unoccluded value times the visible share of segments; [`Estimate::bound`] holds three standard errors.
     Rays {
-        /// Segments of a pair at least; pairs with F > 1/300 get 300 F times as many.
+        /// Segments of a pair at least; pairs with F > [`LARGE`] get 300 F times as many.
         samples: u32,
         /// Standard error of F_ij and F_ji down to which the segments are doubled, as far as 2¹⁹ of them; infinite for no more
         /// than `samples`. It is itself an estimate from 8 replicates, with a heavy tail where few segments are blocked.

@@ -165,7 +165,7 @@ fn check_memory(sources: usize, targets: usize, needed: u64, limit: Option<u64>)
 /// Entries to read that are worth waking another thread for.
 const WORTH_IT: usize = 1 << 14;
 
-/// Tasks of so many entries that one thread takes together.
+/// Tasks of so many entries, about, that one thread takes together.
 fn tasks_worth_it(entries: usize) -> usize {
     WORTH_IT.div_ceil(entries.max(1))
 }

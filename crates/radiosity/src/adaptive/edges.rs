@@ -21,7 +21,7 @@
 //! between contacts that the lines of the next level do not cut.
 
 use radiosity_core::{BandValues, StoreError};
-use radiosity_form_factors::analytic::{PartialVisibility, unoccluded};
+use radiosity_form_factors::analytic::{LARGE, PartialVisibility, unoccluded};
 use radiosity_form_factors::{PairwiseRows, Rows};
 use radiosity_geometry::Facets;
 use rayon::prelude::*;
@@ -37,10 +37,8 @@ const BRIGHTER: f64 = 2.0;
 const LEAST: f64 = 0.05;
 /// Error of form factors with nothing between, which enter nothing but the estimate.
 const TOLERANCE: f64 = 1e-4;
-/// Segments of a partly hidden child, about: a quarter as many add 5 % of noise to the estimate of the Cornell box, half as many miss shadows that are soft.
+/// Segments of a partly hidden child, about: a quarter as many add 5 % of noise to the estimate of the Cornell box, half as many 60 % to that of a soft shadow in a room of 192 elements.
 const SEGMENTS: f64 = 128.0;
-/// Form factor from which on a pair gets more segments than it is given, in proportion ([`PartialVisibility::Rays`]).
-const LARGE: f64 = 1.0 / 300.0;
 /// Powers of two of segments that pairs are given, the first ones.
 const POWERS: u32 = 5;
 
