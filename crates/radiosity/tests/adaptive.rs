@@ -3,10 +3,10 @@
 mod common;
 
 use glam::DVec3;
-use radiosity::{Adaptive, AdaptiveRun, Criterion, Goal, GridValues, Method, Strategy, run, run_adaptive};
+use radiosity::{Adaptive, AdaptiveRun, Criterion, Goal, GridValues, Method, Store, Strategy, run, run_adaptive};
 use radiosity_core::BandValues;
 use radiosity_gallery::boxes::{faces, material, scene_of_loops};
-use radiosity_gallery::{BlockedLight, FloorUnderLight, rectangles};
+use radiosity_gallery::{BlockedLight, FloorUnderLight, crowded_room, rectangles};
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::Subdivision;
 
@@ -130,7 +130,7 @@ fn under_a_blocked_light(case: &BlockedLight, cells: u32, run: &AdaptiveRun<'_>)
 }
 
 /// Shadows from hard to soft, in elements that nest in the cells: all of the error is that of patches that send one value where a shadow ends. Children have 0.71 to 0.79 of
-/// a jump's error and 0.75 of a slope's; noise of the estimate itself, from 128 probes, takes the rest.
+/// a jump's error and 0.75 of a slope's, which the estimate undoes; noise of its own, from 128 probes, takes the rest.
 #[test]
 fn the_estimate_sees_the_edges_of_shadows_inside_elements() {
     for height in [0.1, 0.2, 0.4, 0.7] {
@@ -141,7 +141,7 @@ fn the_estimate_sees_the_edges_of_shadows_inside_elements() {
             let run = adaptive(&scene, Method::ANALYTIC, &settings);
             let (estimate, error) = (estimated(&run), true_error(&run, &under_a_blocked_light(&case, 8, &run)));
             assert_eq!(run.rounds.len(), 1);
-            assert!((0.6..1.4).contains(&(estimate / error)), "{height}, {patches}: {estimate:e} of {error:e}");
+            assert!((0.7..1.5).contains(&(estimate / error)), "{height}, {patches}: {estimate:e} of {error:e}");
         }
     }
 }
@@ -155,7 +155,25 @@ fn the_estimate_sees_a_shadow_between_the_corners_of_an_element() {
     let means = GridValues::means(&run.run.geometry, &run.run.solution.irradiance, 1).unwrap();
     let (estimate, error) = (estimated(&run), means.error(&under_a_blocked_light(&case, 1, &run)).rms);
     assert_eq!(run.run.geometry.elements().len(), 3);
-    assert!((0.5..1.4).contains(&(estimate / error)), "{estimate:e} of {error:e}");
+    assert!((0.6..1.6).contains(&(estimate / error)), "{estimate:e} of {error:e}");
+}
+
+/// Boxes close to walls and to each other, in cells as large as faces and smaller: the backs of boxes see a dark part of a wall that is bright.
+#[test]
+fn the_estimate_sees_dark_gaps_between_small_faces_and_large_ones() {
+    let scene = crowded_room(12, 2);
+    let strategy =
+        Strategy { store: Store::Sparse, ..Strategy::new(Subdivision::Uniform(8), Method::RAYS_AND_EMITTERS) };
+    let finest = run(&scene, &strategy, &mut ()).unwrap();
+    for cells in [1, 2, 4] {
+        let truth = GridValues::means(&finest.geometry, &finest.solution.irradiance, cells).unwrap();
+        let settings = Adaptive::new(Goal::Cells(cells), 0.5).from_cells(cells);
+        let coarse = adaptive(&scene, Method::RAYS_AND_EMITTERS, &settings);
+        let means = GridValues::means(&coarse.run.geometry, &coarse.run.solution.irradiance, cells).unwrap();
+        let (estimate, error) = (estimated(&coarse), means.error(&truth).rms);
+        assert_eq!(coarse.rounds.len(), 1);
+        assert!((0.9..2.5).contains(&(estimate / error)), "{cells}: {estimate:e} of {error:e}");
+    }
 }
 
 /// Counts are exact: a row is started for every new element, and none for one that was there.

@@ -34,7 +34,7 @@ use crate::{Geometry, Method};
 /// E in units of the mean irradiance from which on an emitter counts, as of surfaces that shine.
 const BRIGHTER: f64 = 2.0;
 /// Least rms variation by an edge, in units of the mean irradiance.
-const LEAST: f64 = 0.05;
+const LEAST: f64 = 0.25;
 /// Error of form factors with nothing between, which enter nothing but the estimate.
 const TOLERANCE: f64 = 1e-4;
 /// Segments of a partly hidden child, about: a quarter as many add 5 % of noise to the estimate of the Cornell box, half as many 60 % to that of a soft shadow in a room of 192 elements.

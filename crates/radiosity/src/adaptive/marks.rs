@@ -1,28 +1,19 @@
 //! Which elements and patches are cut next.
 //!
-//! A patch p of size s_p = √A_p whose radiosity varies by v_p (rms over its elements and inside them) is seen by an element e at
-//! distance d_ep with an error of about
-//!
-//! ```text
-//! F_ep v_p min(1, s_p/d_ep),      E_p² = Σ_e A_e Y_e (F_ep v_p min(1, s_p/d_ep))²
-//! ```
-//!
-//! since from afar only the mean counts, and parts weigh differently by about s_p/d_ep; Y is the importance of e to what is asked for
-//! ([`crate::Importance`]), 1 if that is all. The fewest patches are cut that carry three quarters of Σ E_p²; one
+//! Of patches the fewest are cut that carry nine tenths of Σ E_p² (`sender_errors`); one
 //! whose elements are all in one node gets finer elements first, to be cut along. Of elements as many are cut as carry what has to go: cutting divides ε² by
 //! four where H is smooth (bulk criterion; W. Dörfler, SIAM J. Numer. Anal. 33, 1996). What is *not* here: whether it is needed.
 
-use glam::DVec3;
 use radiosity_core::Solution;
-use rayon::prelude::*;
 
-use super::measure::{level, patch_means};
+use super::measure::level;
+use super::sender_errors::SenderErrors;
 use super::shadows::crossed;
 use super::variation::Variation;
 use super::{Adaptive, Criterion, ErrorEstimate, Goal, State};
 
 /// Share of Σ E_p² that the patches to be cut carry.
-const BULK: f64 = 0.75;
+const BULK: f64 = 0.9;
 /// Largest share of the error that the elements to be cut carry: what is left over may have gone by itself.
 const MOST: f64 = 0.75;
 /// Least part of the tolerance that elements are refined to, as squares: the rest is for other errors.
@@ -32,8 +23,6 @@ const LOSS: f64 = 0.65;
 /// Patches are cut before most rows are there, to be used by them: while the error of elements is more than twice the tolerance, they
 /// may take this part of their share alone, and what is left of it afterwards.
 const EARLY: f64 = 0.6;
-/// Rows that one task sums over.
-const PIECE: usize = 64;
 
 /// What is to be cut, by element and by patch of the whole mesh.
 pub(super) struct Marks {
@@ -45,9 +34,8 @@ pub(super) struct Marks {
 pub(super) fn marks(
     state: &State<'_>,
     solved: &Solution,
-    (variation, worth): (&Variation, Option<&[f64]>),
-    estimate: &ErrorEstimate,
-    adaptive: &Adaptive,
+    (variation, senders): (&Variation, &SenderErrors),
+    (estimate, adaptive): (&ErrorEstimate, &Adaptive),
 ) -> Marks {
     let (geometry, mesh) = (&state.geometry, state.geometry.mesh());
     let mut marks = Marks { elements: vec![false; mesh.elements.len()], patches: vec![false; mesh.patch_facets.len()] };
@@ -81,11 +69,10 @@ pub(super) fn marks(
 
     // Patches, or their elements if there is nothing to cut them along.
     if cut_patches {
-        let errors = sender_errors(state, solved, variation, worth);
-        let sum: f64 = errors.iter().sum();
+        let sum: f64 = senders.of_patches.iter().sum();
         let mut members = vec![Vec::new(); geometry.patches().len()];
         geometry.parent().iter().enumerate().for_each(|(e, &p)| members[p as usize].push(e));
-        for p in bulk(&errors, BULK * sum) {
+        for p in bulk(&senders.of_patches, BULK * sum) {
             marks.patches[geometry.exposed_patches()[p] as usize] = true;
             let element = |e: usize| &mesh.elements[geometry.exposed()[e] as usize];
             if members[p].iter().all(|&e| element(e).same_leaf(element(members[p][0]))) {
@@ -113,43 +100,6 @@ fn bulk(squares: &[f64], share: f64) -> Vec<usize> {
             more
         })
         .collect()
-}
-
-/// E_p² of every patch.
-fn sender_errors(state: &State<'_>, solved: &Solution, variation: &Variation, worth: Option<&[f64]>) -> Vec<f64> {
-    let (geometry, b) = (&state.geometry, &solved.radiosity);
-    let (elements, patches) = (geometry.elements(), geometry.patches());
-    let (means, rho, bands) = (patch_means(state, b), geometry.reflectance(), b.count());
-    // v_p² and the centres of the patches.
-    let mut v2 = vec![0.0; patches.len()];
-    let mut centres = vec![DVec3::ZERO; patches.len()];
-    for (e, &p) in geometry.parent().iter().enumerate() {
-        let (p, weight) = (p as usize, elements.area(e) / patches.area(p as usize));
-        for band in 0..bands {
-            let (apart, rho) = (b.band(band)[e] - means.band(band)[p], rho.band(band)[e]);
-            v2[p] += weight * (apart * apart + rho * rho * variation.squares[e]) / bands as f64;
-        }
-        centres[p] += elements.polygons(e)[0].centroid() * weight;
-    }
-    let m = elements.len();
-    let pieces: Vec<Vec<f64>> = (0..m.div_ceil(PIECE))
-        .into_par_iter()
-        .map(|piece| {
-            let mut sums = vec![0.0; patches.len()];
-            for e in piece * PIECE..m.min((piece + 1) * PIECE) {
-                let (centre, area) = (elements.polygons(e)[0].centroid(), elements.area(e));
-                let worth = worth.map_or(1.0, |worth| worth[e]);
-                for (p, &exchange) in state.store.entries(e).iter().enumerate().filter(|(_, f)| **f > 0.0) {
-                    let near = (patches.area(p) / centres[p].distance_squared(centre)).min(1.0);
-                    sums[p] += worth * exchange * exchange / area * v2[p] * near;
-                }
-            }
-            sums
-        })
-        .collect();
-    let mut errors = vec![0.0; patches.len()];
-    pieces.iter().for_each(|sums| errors.iter_mut().zip(sums).for_each(|(error, sum)| *error += sum));
-    errors
 }
 
 #[cfg(test)]

@@ -5,23 +5,28 @@
 //! ```text
 //! elements²      Σ_e A_e ε_e² w_e / A           a constant where H varies (see `variation`); w = 1 at points, and over cells the
 //!                                                share (1 − A_c/A_e)₊ that an element larger than a cell of area A_c shows
-//! senders²       a² ⟨δ²⟩,  δ = H_fine − H_same   patches where radiosity varies
-//! form factors²  ⟨(H_same − H)² w'⟩              noise of rows, w' = min(A_e/A_c, 1) since those of the elements of a cell are independent
+//! senders²       a ⟨δ²⟩ / c²                    patches where radiosity varies: δ what they change, c = ¾
+//! form factors²  ⟨(H_same − H)²⟩                 noise of rows
 //! solver         Σ A|B* − B| / Σ A E · Σ A E / (A ⟨H⟩)
 //! ```
 //!
-//! ⟨·⟩ is the mean over probes, elements spread evenly over the area: rows of rays with exact emitters to elements one level
-//! finer than the mesh, on which B follows the recovered slopes, or direct light where a shadow ends (see `edges`). H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
-//! own noise cancels in δ. An error of H is reflected: a = Σ A B / Σ A E, as all light is. Where only some surfaces are asked for, of area A_W, sums
-//! over elements and ⟨H⟩ are theirs alone,
-//! and what errs elsewhere counts by its importance Y to them ([`crate::Importance`]); half of the probes are theirs, half spread evenly over A (Y − W):
+//! ⟨·⟩ is the mean over probes: receivers (`receivers`: report cells, or elements where these are no smaller), half of them spread evenly over the area and half by what is expected
+//! of δ² there (`sender_errors`), with weights that undo it. From their elements go rows of rays with exact emitters to elements one level
+//! finer than the mesh, on which B follows the recovered slopes, or direct light where a shadow ends (`edges`). H_fine gathers from those, H_same by the same rays from the patches they lie on, so that the rays'
+//! own noise cancels in δ = H_fine − H_same. Dark gaps (`gaps`) are taken instead where they change more: both see what varies smoothly.
+//!
+//! Children have three quarters of the first moment of a slope, which is what far receivers see of it, and of the squares, which near ones see; hence c. An error of H is reflected, but what errs here one way and there the other cancels on
+//! its way: with the importance Y of what errs to what is asked for (W = 1 there and 0 elsewhere, [`crate::Importance`]) squares add up to
 //!
 //! ```text
-//! senders        ⟨δ²⟩_W^½ + ( (a − 1) Σ A (Y − W) / A_W ⟨δ²⟩_(Y−W) )^½      = a ⟨δ²⟩^½ if all are asked for
+//! Σ A Y δ² / Σ A W  =  ⟨δ²⟩_W + Σ A (Y − W) / A_W ⟨δ²⟩_(Y−W)       = a ⟨δ²⟩,  a = Σ A B / Σ A E,  if all are asked for
 //! ```
 //!
+//! by Jensen's inequality a bound of them less one more factor of at most a, which would hold if all errors had one sign. Where only some surfaces are asked for, sums over elements and ⟨H⟩ are theirs
+//! alone; half of the probes are theirs, half spread evenly over A (Y − W).
+//!
 //! In a view a ⟨s²⟩ (`asked.rs`) takes the place of A, and ⟨s H⟩ that of ⟨H⟩. The total adds
-//! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and shadows that no element has seen.
+//! the parts as squares. What is *not* here: the error of pairs, which is below the tolerance they were asked for, and edges of shadows in reflected light that are no gaps.
 
 use radiosity_core::{BandValues, Form, Solution, StoreError};
 use radiosity_form_factors::Receivers;
@@ -29,6 +34,9 @@ use radiosity_geometry::Facets;
 use rayon::prelude::*;
 
 use super::edges::differences;
+use super::gaps::Gaps;
+use super::receivers::{Receiver, cell_areas, spread_over};
+use super::sender_errors::{SenderErrors, patch_means};
 use super::variation::Variation;
 use super::{Adaptive, Goal, NEAR, State};
 use crate::estimate::with_emitters;
@@ -36,7 +44,10 @@ use crate::{Method, RunError};
 
 /// Probes, and rays of each: few tell what senders cost, in which their noise cancels, more what that of other rows is.
 const PROBES: usize = 128;
-const RAYS: [u32; 2] = [512, 2048];
+const RAYS: [u32; 2] = [512, 1024];
+
+/// Share of the first moment of a slope that four children have, which is what others see of it.
+const SEEN: f64 = 0.75;
 
 /// Parts of the estimated rms error of irradiance, relative to its mean level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,22 +75,13 @@ pub(super) fn level(state: &State<'_>, h: &BandValues) -> (f64, f64) {
     (state.asked.level(h), state.asked.total)
 }
 
-/// Area of a report cell on the surface of every exposed element.
-fn cell_areas(state: &State<'_>, k: u32) -> Vec<f64> {
-    let geometry = &state.geometry;
-    let of_surface = |s: usize| {
-        geometry.scene().surfaces[s].area() / (geometry.mesh().pieces(s).len() as f64 * f64::from(k).powi(2))
-    };
-    geometry.surfaces().into_iter().map(|s| of_surface(s as usize)).collect()
-}
-
 /// Estimates the error of a solution.
 pub(super) fn measure(
     state: &State<'_>,
     solved: &Solution,
     (variation, worth): (&Variation, Option<&[f64]>),
-    adaptive: &Adaptive,
-    seed: u64,
+    (receivers, seen): (&[Receiver], &SenderErrors),
+    (adaptive, seed): (&Adaptive, u64),
 ) -> Result<ErrorEstimate, RunError> {
     let (areas, asked) = (state.geometry.elements().areas(), state.asked.squares());
     let (level, total) = level(state, &solved.irradiance);
@@ -91,7 +93,6 @@ pub(super) fn measure(
         Goal::Points => None,
     };
     let shown = |e: usize| cells.as_ref().map_or(1.0, |cells| (1.0 - cells[e] * (1.0 + 1e-9) / areas[e]).max(0.0));
-    let averaged = |e: usize| cells.as_ref().map_or(1.0, |cells| (areas[e] / cells[e]).min(1.0));
     let inside: f64 = variation.squares.iter().enumerate().map(|(e, square)| asked[e] * square * shown(e)).sum();
 
     let emitted: f64 = power(&areas, &state.geometry.emission());
@@ -100,21 +101,32 @@ pub(super) fn measure(
     let elements = (inside / total).sqrt() / level;
     let rays = RAYS[usize::from(noisy && elements <= NEAR * adaptive.tolerance)];
     // What is asked for, in the units of its importance, and what it sees by that.
-    let asked: Vec<f64> = state.asked.weights(&areas).iter().zip(&areas).map(|(w, area)| w * area).collect();
+    let weights = state.asked.weights(&areas);
+    let asked: Vec<f64> = weights.iter().zip(&areas).map(|(w, area)| w * area).collect();
     let indirect: Option<Vec<f64>> = worth.map(|worth| {
         let beyond = areas.iter().zip(&asked).zip(worth).map(|((area, asked), worth)| area * worth - asked);
         beyond.map(|area| area.max(0.0)).collect()
     });
-    let share = |weights: &[f64]| weights.iter().sum::<f64>() / asked.iter().sum::<f64>();
+    let of_receivers: Vec<f64> = receivers.iter().map(|r| r.area * weights[r.parts[0].0]).collect();
+    let near = |count: usize| -> Vec<(Receiver, f64)> {
+        let density = densities(&of_receivers, &seen.of_receivers);
+        let drawn: Vec<f64> = of_receivers.iter().zip(&density).map(|(area, density)| area * density).collect();
+        let weighed = |(r, steps): (usize, f64)| (receivers[r].sketch(), steps / density[r]);
+        spread_over(&drawn, count).into_iter().map(weighed).collect()
+    };
     let (probes, far) = match &indirect {
-        None => (spread_over(&areas, PROBES), Vec::new()),
-        Some(weights) => (spread_over(&asked, PROBES / 2), spread_over(weights, PROBES / 2)),
+        None => (near(PROBES), Vec::new()),
+        Some(weights) => {
+            let far = spread_over(weights, PROBES / 2).into_iter();
+            (near(PROBES / 2), far.map(|(e, steps)| (Receiver::element(e, areas[e]), steps)).collect())
+        }
     };
-    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), (&averaged, level))?;
-    let senders = match &indirect {
-        None => reflected * near.senders.sqrt(),
-        Some(weights) => near.senders.sqrt() + ((reflected - 1.0).max(0.0) * share(weights) * far.senders).sqrt(),
+    let [near, far] = probe(state, solved, (variation, [&probes, &far]), (rays, seed), level)?;
+    let beyond = match &indirect {
+        None => (reflected - 1.0).max(0.0) * near.senders,
+        Some(weights) => weights.iter().sum::<f64>() / asked.iter().sum::<f64>() * far.senders,
     };
+    let senders = SEEN.recip() * (near.senders + beyond).sqrt();
     let shade = state.asked.shade();
     // In a picture as if it were the same everywhere.
     let spread_over = if state.asked.is_view() { areas.iter().sum::<f64>() / shade } else { total };
@@ -131,6 +143,13 @@ fn power(areas: &[f64], x: &BandValues) -> f64 {
     (0..x.count()).flat_map(|b| areas.iter().zip(x.band(b)).map(|(a, x)| a * x)).sum()
 }
 
+/// How many more probes there are an area where more is erred by: half of them by area, half by what is expected of squares there. The area mean is 1.
+fn densities(areas: &[f64], squares: &[f64]) -> Vec<f64> {
+    let weighed: f64 = areas.iter().zip(squares).map(|(area, square)| area * square).sum();
+    let mean = weighed / areas.iter().sum::<f64>();
+    squares.iter().map(|square| if mean > 0.0 { 0.5 + 0.5 * square / mean } else { 1.0 }).collect()
+}
+
 /// Mean squares over some probes and the bands.
 #[derive(Default)]
 struct Probed {
@@ -141,12 +160,15 @@ struct Probed {
 fn probe(
     state: &State<'_>,
     solved: &Solution,
-    (variation, groups): (&Variation, [&Vec<usize>; 2]),
+    (variation, groups): (&Variation, [&Vec<(Receiver, f64)>; 2]),
     (rays, seed): (u32, u64),
-    (averaged, level): (&(dyn Fn(usize) -> f64 + Sync), f64),
+    level: f64,
 ) -> Result<[Probed; 2], RunError> {
     let (geometry, b) = (&state.geometry, &solved.radiosity);
-    let probes = groups.map(|group| &group[..]).concat();
+    let mut probes: Vec<usize> =
+        groups.iter().flat_map(|group| group.iter().flat_map(|(r, _)| r.parts.iter().map(|part| part.0))).collect();
+    probes.sort_unstable();
+    probes.dedup();
     let mut sources = Facets::new();
     probes.iter().for_each(|&e| sources.push(geometry.elements().polygons(e).to_vec(), false));
 
@@ -171,53 +193,41 @@ fn probe(
     let targets = (&sources, fine.elements());
     // Rays of their own: not those of the rows that are tested.
     let rows = with_emitters(&fine, method, Form::Full, targets, receivers, || fine.element_occluders(), !seed)?;
-    let squares = |k: usize| -> Result<[f64; 2], StoreError> {
+    let gaps = (!geometry.blockers().is_empty()).then(|| Gaps::new(state, solved));
+    // δ and H_same − H of each band.
+    let errors = |k: usize| -> Result<Vec<[f64; 2]>, StoreError> {
         let (e, mut row) = (probes[k], vec![0.0; m]);
         rows.row(k, &mut row)?;
         let area = sources.area(k);
-        let mut sums = [0.0; 2];
-        for band in 0..b.count() {
+        let dark = gaps.as_ref().map(|gaps| gaps.of_element(e));
+        let of_band = |band: usize| {
             let of_band = &values[band * m..][..m];
             let [fine, same] =
                 [0, 1].map(|which| row.iter().zip(of_band).map(|(f, v)| f * v[which]).sum::<f64>() / area);
-            sums[0] += (fine - same).powi(2);
-            sums[1] += (same - solved.irradiance.band(band)[e]).powi(2) * averaged(e);
-        }
-        Ok(sums)
+            let gap = dark.as_ref().map_or(0.0, |dark| dark[band]);
+            // Both see what varies smoothly.
+            let sent = if gap.abs() > (fine - same).abs() { gap } else { fine - same };
+            [sent, same - solved.irradiance.band(band)[e]]
+        };
+        Ok((0..b.count()).map(of_band).collect())
     };
-    let done: Result<Vec<[f64; 2]>, StoreError> = (0..probes.len()).into_par_iter().map(squares).collect();
+    let done: Result<Vec<Vec<[f64; 2]>>, StoreError> = (0..probes.len()).into_par_iter().map(errors).collect();
     let done = done?;
-    let (near, far) = done.split_at(groups[0].len());
-    let of_group = |of: &[[f64; 2]]| {
-        let mean = |which: usize| of.iter().map(|s| s[which]).sum::<f64>() / (of.len() * b.count()) as f64;
-        if of.is_empty() { Probed::default() } else { Probed { senders: mean(0), rows: mean(1) } }
+    let square = |receiver: &Receiver, band: usize, which: usize| {
+        let of_part = |&(e, weight): &(usize, f64)| {
+            let k = probes.binary_search(&e).expect("parts of receivers are probed");
+            weight * done[k][band][which]
+        };
+        receiver.parts.iter().map(of_part).sum::<f64>().powi(2)
     };
-    Ok([of_group(near), of_group(far)])
-}
-
-/// At most `count` elements at equal steps of the area, each once.
-fn spread_over(areas: &[f64], count: usize) -> Vec<usize> {
-    let total: f64 = areas.iter().sum();
-    let (mut found, mut before) = (Vec::with_capacity(count), 0.0);
-    for (e, area) in areas.iter().enumerate() {
-        let at = |area: f64| (area / total * count as f64 - 0.5).ceil();
-        if at(before + area) > at(before) {
-            found.push(e);
-        }
-        before += area;
-    }
-    found
-}
-
-/// Area means of B over the patches.
-pub(super) fn patch_means(state: &State<'_>, b: &BandValues) -> BandValues {
-    let geometry = &state.geometry;
-    let (areas, patches) = (geometry.elements().areas(), geometry.patches().areas());
-    let mut means = BandValues::zeros(b.count(), patches.len());
-    for band in 0..b.count() {
-        let to = means.band_mut(band);
-        let own = geometry.parent().iter().zip(&areas).zip(b.band(band));
-        own.for_each(|((&p, area), b)| to[p as usize] += area * b / patches[p as usize]);
-    }
-    means
+    Ok(groups.map(|group| {
+        let total: f64 = group.iter().map(|(_, weight)| weight).sum();
+        let mean = |which: usize| {
+            let of = |(receiver, weight): &(Receiver, f64)| {
+                weight * (0..b.count()).map(|band| square(receiver, band, which)).sum::<f64>()
+            };
+            group.iter().map(of).sum::<f64>() / (total * b.count() as f64)
+        };
+        if group.is_empty() { Probed::default() } else { Probed { senders: mean(0), rows: mean(1) } }
+    }))
 }

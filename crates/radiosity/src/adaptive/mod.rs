@@ -20,8 +20,11 @@
 //! levels.
 
 mod edges;
+mod gaps;
 mod marks;
 mod measure;
+mod receivers;
+mod sender_errors;
 mod shadows;
 mod variation;
 
@@ -44,6 +47,7 @@ use crate::{Geometry, Method, Phase, Run, RunError, Shape, Strategy};
 
 pub use measure::ErrorEstimate;
 use measure::measure;
+use sender_errors::SenderErrors;
 use variation::Variation;
 
 /// What the tolerance is a tolerance of.
@@ -210,13 +214,18 @@ pub fn run_adaptive_while<'a>(
         let clock = Instant::now();
         let variation = Variation::new(&state.geometry, &solved.irradiance);
         let worth = state.worth(strategy)?;
-        let estimate = measure(&state, &solved, (&variation, worth.as_deref()), adaptive, strategy.seed)?;
+        let worths = (&variation, worth.as_deref());
+        let receivers = receivers::receivers(&state, adaptive)?;
+        let senders = SenderErrors::new(&state, &solved, worths, &receivers);
+        let estimate = measure(&state, &solved, worths, (&receivers, &senders), (adaptive, strategy.seed))?;
         state.estimating += clock.elapsed();
         state.rounds.push(Round { steps: solved.steps, estimate, ..state.round });
         let met = estimate.total() <= tolerance;
-        let variations = (&variation, worth.as_deref());
-        let plan =
-            if met || !go_on(&state.rounds) { None } else { state.plan(&solved, variations, &estimate, adaptive) };
+        let plan = if met || !go_on(&state.rounds) {
+            None
+        } else {
+            state.plan(&solved, (&variation, &senders), (&estimate, adaptive))
+        };
         match plan {
             Some(plan) => state.follow(plan, &solved.radiosity)?,
             None => return Ok(state.finish(solved, met, strategy, tolerance)),
@@ -391,13 +400,12 @@ impl<'a> State<'a> {
     fn plan(
         &mut self,
         solved: &Solution,
-        (variation, worth): (&Variation, Option<&[f64]>),
-        estimate: &ErrorEstimate,
-        adaptive: &Adaptive,
+        found: (&Variation, &SenderErrors),
+        (estimate, adaptive): (&ErrorEstimate, &Adaptive),
     ) -> Option<Plan> {
         let clock = Instant::now();
         let method = more_rays(self.method, estimate, adaptive.tolerance);
-        let marks = marks::marks(self, solved, (variation, worth), estimate, adaptive);
+        let marks = marks::marks(self, solved, found, (estimate, adaptive));
         let elements = self.geometry.mesh().refined(&marks.elements);
         let patches = elements.mesh.with_patches_split(&marks.patches);
         let cut = |origins: &[Origin]| origins.iter().any(|o| matches!(o, Origin::Part(_)));
