@@ -4,12 +4,12 @@
 //! time = Σ_k c_k n_k,    k: elements meshed, pairs, pairs tested for blockers, points, segments, rays, entries read, rounds
 //! ```
 //!
-//! On K elements along an edge a pilot of K₀ says, with u = K/K₀ and the edge d of what shines or blocks in units of the largest face's,
+//! On K elements along an edge a pilot of K₀ says, with u = K/K₀, the share i of reflected light and the edge d of what shines or blocks in units of the largest face's,
 //!
 //! ```text
-//! senders(K) = s₀ u^−p,                    K₀ = 4: the pilot sees how errors fall;  p is larger where elements are patches than where they are finer
-//!            = s₀ / (1 + (K d/x₀)^p),      K₀ = 2: nothing is gained before elements resolve the detail
-//! receivers(K) = r₀ u^−1,   noise(N) = ν r₀ √indirect / √N,
+//! adaptive, K patches     K₀ = 4: s₀ (K/4)^−p, among blockers s₀/r₀ (K/4)^−p;      K₀ = 2: i/(c + (K/x₀)^p) of dark gaps, or s₀ (1 − i)² /K of direct light
+//! uniform meshes          K₀ = 4: s₀ (1 − i)^−¼ u^−p;                              K₀ = 2: s₀ (1 − i)^−¼ / (1 + (K d/x₀)^p), or gaps
+//! receivers(K) = r₀ u^−1,   noise(N) = ν r₀ √i / √N,
 //! partly blocked pairs ∝ m² u^−1,   points ∝ m² u^−1.45,   elements = α K² + β where contacts cut
 //! ```
 //!
@@ -17,9 +17,8 @@
 //! with the tolerance; an adaptive run divides its error by a constant a round. Since a tolerance just met or just missed is a round more or less, the time is the
 //! geometric mean of three: with the errors of the pilot, with larger and with smaller ones.
 //!
-//! Constants are of one machine and two threads, fitted by non-negative least squares of relative errors to the counts of 190 runs on 26 scenes (hinges, tubes, boxes, rooms, cities), whose
-//! times a sum of counts times constants meets within a factor of 1.3 in three quarters; powers and falls were fitted to the estimates of the same runs, before these saw shadows inside elements (`adaptive/edges.rs`): where lamps are
-//! hidden in part, first errors and the time of estimates are predicted too small. [`Constants::measured_on`] scales
+//! Constants are of one machine and two threads, powers and falls of 700 runs on 76 scenes (hinges, tubes, boxes, rooms, cities) of the families of experiment 12-choice, none of which
+//! but two is one of its own: nine in ten of their times lie within a factor of 2 of what is predicted. [`Constants::measured_on`] scales
 //! constants to another machine. What is *not* here: counts that do not take time (vectors, the report), and memory traffic of several programs at once.
 
 use std::cell::RefCell;
@@ -29,15 +28,15 @@ use std::time::Instant;
 use radiosity_core::Form;
 use radiosity_geometry::Scene;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
+use rayon::prelude::*;
 
 use super::candidates::{Candidate, FEW_RAYS, Refine, Target, pairs_among};
 use super::pilot::Pilot;
-use crate::{Geometry, Method, RunError, Size, Store, Strategy, assemble, predict};
+use crate::estimate::rows;
+use crate::{Geometry, Method, RunError, Size, Store, Strategy, predict};
 
 /// Power by which the difference of two uniform meshes falls with the edge.
-const ORDER: f64 = 1.9;
-/// The same of the estimate of an adaptive run: of patches that are elements, and of patches of finer elements.
-const ORDERS: [f64; 2] = [1.7, 1.2];
+const ORDER: f64 = 1.7;
 /// Error of rows over report cells times the root of their rays, in units of how irradiance varies between halves of quarters of a face: of what it varies up to
 /// the second value, and the share of the rest. Where everything is equally bright, it does not matter what rays meet.
 const NOISE: (f64, f64, f64) = (0.47, 0.25, 0.15);
@@ -46,26 +45,38 @@ const OVERLOOKED: (f64, f64) = (4.0, 0.2);
 /// Share of indirect light below which rows err less, exact emitters being most of the light.
 const INDIRECT: f64 = 0.5;
 /// By what a round divides the error of an adaptive run: where nothing blocks, where something does, and while elements do not resolve it.
-const FALL: [f64; 3] = [1.55, 1.45, 1.25];
-/// By what the first round multiplies patches, by how much more the next ones do, and the most of it: the same two.
-const GROWTHS: [[f64; 3]; 2] = [[1.3, 0.15, 1.65], [1.1, 0.1, 1.5]];
-/// The same division in the first rounds of patches of finer elements, and how many those are.
-const FIRST_FALLS: (f64, u32) = (1.9, 2);
-/// Error by senders of a pilot of two elements along an edge in units of that by elements, and by patches of finer elements: 1/(1 + (x/x₀)^p) of x elements
-/// along what shines or blocks, with x₀ and p, of adaptive runs and of the difference of uniform ones; and a factor, a power and the most of it.
-const DETAIL: [f64; 2] = [1.15, 3.0];
+const FALL: [f64; 3] = [1.8, 1.55, 1.4];
+/// Elements along what shines and blocks below which they do not.
+const RESOLVED: f64 = 0.6;
+/// By what the first round multiplies patches, by how much more the next ones do, and the most of it: the same three. By how much more where elements are finer.
+const GROWTHS: [[f64; 3]; 3] = [[1.3, 0.15, 1.65], [1.15, 0.1, 1.5], [1.02, 0.01, 1.1]];
+const FINER_GROWTH: f64 = 1.2;
+/// The same division in the first rounds of patches of finer elements.
+const FIRST_FALLS: [f64; 2] = [2.6, 2.0];
+/// Error by senders of the first patches, 4 along an edge, of an adaptive run and power by which it falls with their number, in units of the pilot's: where nothing blocks;
+/// where something does, also in units of how irradiance varies.
+const FIRST: (f64, f64) = (0.6, 2.1);
+const FIRST_BLOCKED: (f64, f64) = (0.145, 2.2);
+/// The same of a pilot of two elements along an edge: of reflected light, most of which dark gaps between boxes err by, in units of its share, by patches along an edge: 1/(c + (x/x₀)^p);
+/// and of direct light, of two patches.
+const GAPS: [f64; 3] = [6.5, 0.95, 1.75];
+const DIRECT: (f64, f64) = (0.9, 1.0);
+/// What uniform meshes differ by from those of half as many elements along an edge, in units of what patches of those err by in gaps.
+const DIFFERENT: f64 = 0.45;
+/// Difference of uniform meshes in units of the senders of such a pilot: 1/(1 + (x/x₀)^p) of x elements along what shines or blocks, with x₀ and p.
 const DETAIL_OF_UNIFORM: [f64; 2] = [0.75, 2.3];
-const DETAIL_OF_PATCHES: [f64; 3] = [0.6, -1.3, 3.0];
 /// Factor by which errors may be larger or smaller than a pilot says, each with a third of the probability: one of two elements along an edge, and one of four.
-const UNSURE: [f64; 2] = [1.35, 1.15];
+const UNSURE: [f64; 2] = [1.25, 1.15];
 /// Power of the elements by which noise falls.
 const SMOOTHED: f64 = 0.35;
 /// Share of the tolerance that is left for senders.
 const SHARE: f64 = 0.97;
 /// Elements of which entries of sparse rows take twice the time, being read from further away.
 const SCATTERED: f64 = 8000.0;
-/// Growth of elements a round, while they are more than patches.
-const GROWTH: f64 = 1.08;
+/// Powers of elements and rays by which those grow that rays meet alike often.
+const MET: [f64; 2] = [0.62, 0.4];
+/// Growth of elements a round after the first, while they are more than patches.
+const GROWTH: f64 = 1.15;
 /// Sweeps of a round that starts from the answer before.
 const AGAIN: f64 = 0.6;
 /// Products of conjugate gradients for a sweep of Gauss and Seidel.
@@ -73,9 +84,9 @@ const PRODUCTS: f64 = 0.7;
 /// Power by which points of partly blocked pairs thin out with the edge.
 const POINTS: f64 = 1.45;
 /// Elements that are probed in a round, at most, and rays of each: of exact rows, and of noisy ones.
-const PROBES: (f64, [f64; 2]) = (128.0, [512.0, 2048.0]);
-/// Time of a ray of a probe, in units of that of a row, which has fewer of them.
-const OF_PROBE: f64 = 0.5;
+const PROBES: (f64, [f64; 2]) = (128.0, [512.0, 1024.0]);
+/// Time of a ray in a round of an adaptive run, in units of that of a uniform one, where nothing blocks and where something does: trees are built of new elements each time.
+const OF_ROUND: [f64; 2] = [1.1, 2.1];
 /// Power by which the boxes that a ray crosses grow with the polygons that may block.
 const CROSSED: f64 = 0.7;
 /// Time of a ray in an open scene, most of which meet nothing.
@@ -90,8 +101,12 @@ pub struct Constants {
     pub element: f64,
     /// An element in a round of an adaptive run: neighbours, a finer mesh to probe.
     pub estimate: f64,
+    /// A pair of an element and a patch in a round of an adaptive run: what it errs by.
+    pub seen: f64,
     /// A pair where nothing blocks.
     pub clear: f64,
+    /// A pair that may be blocked, before it is known to face each other.
+    pub culled: f64,
     /// A pair that faces each other, looked at for blockers.
     pub tested: f64,
     /// An exact emitter of a row of rays.
@@ -119,12 +134,14 @@ impl Default for Constants {
     fn default() -> Self {
         Self {
             element: 3.1e-6,
-            estimate: 5e-6,
-            clear: 22e-9,
-            tested: 130e-9,
+            estimate: 8e-6,
+            seen: 5e-9,
+            clear: 34e-9,
+            culled: 15e-9,
+            tested: 200e-9,
             emitter: 0.1e-6,
-            point: 96e-9,
-            segment: 0.03e-6,
+            point: 150e-9,
+            segment: 0.05e-6,
             ray: (1.04e-9, 1.96e-9),
             entry: 0.4e-9,
             product: 0.1e-9,
@@ -136,7 +153,7 @@ impl Default for Constants {
 }
 
 impl Constants {
-    /// The default constants, times what rows of pairs and rows of rays take on `scene` on this machine as it is now, in units of what the
+    /// The default constants, times what some rows of pairs and some of rays take on `scene` on this machine as it is now, in units of what the
     /// defaults say: those of geometry and pairs by the one, of rays by the other, of the rest by the geometric mean. Counts are the same in each call, times are not.
     ///
     /// # Errors
@@ -145,29 +162,33 @@ impl Constants {
     pub fn measured_on(scene: &Scene, seed: u64) -> Result<Self, RunError> {
         let plain = Self::default();
         let pilot = Pilot::new(scene, GRID, seed)?;
-        let pairs = pairs_among(pilot.blocking);
         let elements = Subdivision::Uniform(pilot.cells);
         let geometry = Geometry::new(scene, &MeshSettings { elements, patches: None, contacts: true })?;
         let model = Model::new(&pilot, &plain);
-        let ratio = |method, store, expected: f64| -> Result<f64, RunError> {
-            let clock = Instant::now();
-            let mut times = 0.0;
-            while times < 8.0 && clock.elapsed().as_secs_f64() < CALIBRATION {
-                assemble(&geometry, method, Form::Full, store, seed)?;
-                times += 1.0;
+        let m = geometry.elements().len();
+        let ratio = |method, expected: f64| -> Result<f64, RunError> {
+            let rows = rows(&geometry, method, Form::Full, seed)?;
+            let count = ((CALIBRATION / expected * m as f64) as usize).clamp(LEAST_ROWS, m.max(LEAST_ROWS));
+            let row = |k: usize| rows.row(k * m / count, &mut vec![0.0; m]).map(drop);
+            let mut least = f64::INFINITY;
+            for _ in 0..if m > 0 { REPEATS } else { 0 } {
+                let clock = Instant::now();
+                (0..count).into_par_iter().try_for_each(row)?;
+                least = least.min(clock.elapsed().as_secs_f64());
             }
-            Ok(clock.elapsed().as_secs_f64() / (times * expected).max(f64::MIN_POSITIVE))
+            Ok(if least.is_finite() { least * m as f64 / (count as f64 * expected) } else { 1.0 })
         };
-        let m = geometry.elements().len() as f64;
         let cells = f64::from(pilot.cells);
-        let of_pairs = ratio(pairs, Store::Dense, model.pairs(0.5 * m * m, cells))?;
-        let rays = Method::RaysAndEmitters { rays: FEW_RAYS };
-        let of_rays = ratio(rays, Store::Sparse, model.rays(m, f64::from(FEW_RAYS), cells))?;
+        let of_pairs = ratio(pairs_among(pilot.blocking), model.pairs((m * m) as f64, cells))?;
+        let of_rays =
+            ratio(Method::RaysAndEmitters { rays: FEW_RAYS }, model.rays(m as f64, f64::from(FEW_RAYS), cells))?;
         let rest = (of_pairs * of_rays).sqrt();
         Ok(Self {
             element: plain.element * rest,
             estimate: plain.estimate * rest,
+            seen: plain.seen * rest,
             clear: plain.clear * of_pairs,
+            culled: plain.culled * of_pairs,
             tested: plain.tested * of_pairs,
             emitter: plain.emitter * of_rays,
             point: plain.point * of_pairs,
@@ -184,8 +205,10 @@ impl Constants {
 
 /// Report grid of the pilot that measurements are made on.
 const GRID: u32 = 8;
-/// Seconds that each measurement takes at most, beyond its first run.
-const CALIBRATION: f64 = 0.05;
+/// Seconds that the rows of a measurement should take, the fewest of them, and how often they are computed: the shortest time counts.
+const CALIBRATION: f64 = 0.01;
+const LEAST_ROWS: usize = 8;
+const REPEATS: u32 = 3;
 
 /// What is expected of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -245,23 +268,36 @@ impl Model<'_> {
     /// What changes on the way from half as many elements along an edge to `cells`: the error that senders of half as many make.
     fn senders(&self, cells: f64) -> f64 {
         let pilot = self.pilot;
+        // Differences of meshes have all of the reflected light that the error of one loses on its way.
+        let agreeing = pilot.senders * (1.0 - pilot.indirect).max(0.05).powf(-0.25);
         match pilot.cells {
-            2 => pilot.senders * resolved(0.5 * cells * pilot.detail, DETAIL_OF_UNIFORM),
-            _ => pilot.senders * self.finer(cells).powf(-ORDER),
+            2 => {
+                let gaps = DIFFERENT * self.gaps(0.5 * cells);
+                gaps.max(agreeing * resolved(0.5 * cells * pilot.detail, DETAIL_OF_UNIFORM))
+            }
+            _ => agreeing * self.finer(cells).powf(-ORDER),
         }
     }
 
-    /// Error by senders that an adaptive run estimates first, of patches so many along an edge that are elements or not.
-    fn first(&self, patches: f64, elements: bool) -> f64 {
+    /// Error by dark gaps between boxes, and what else so many patches along an edge lose of reflected light.
+    fn gaps(&self, patches: f64) -> f64 {
+        let [most, along, power] = GAPS;
+        self.pilot.indirect / (most + (patches / along).powf(power))
+    }
+
+    /// Error by senders that an adaptive run estimates first, of so many patches along an edge.
+    fn first(&self, patches: f64) -> f64 {
         let pilot = self.pilot;
-        let x = patches * pilot.detail;
-        pilot.senders
-            * match (pilot.cells, elements) {
-                (2, true) => resolved(x, DETAIL),
-                (2, false) => (DETAIL_OF_PATCHES[0] * x.powf(DETAIL_OF_PATCHES[1])).min(DETAIL_OF_PATCHES[2]),
-                // Senders of the pilot are patches of twice its edge.
-                _ => self.finer(2.0 * patches).powf(-ORDERS[usize::from(!elements)]),
-            }
+        if pilot.cells > 2 {
+            let of_pilot = |(share, power): (f64, f64)| share * (patches / 4.0).powf(-power);
+            return pilot.senders
+                * match pilot.blocking {
+                    0 => of_pilot(FIRST),
+                    _ => of_pilot(FIRST_BLOCKED) / pilot.receivers.max(FIRST_BLOCKED.0),
+                };
+        }
+        let direct = pilot.senders * (1.0 - pilot.indirect).powi(2) * DIRECT.0 * (0.5 * patches).powf(-DIRECT.1);
+        self.gaps(patches).max(direct)
     }
 
     /// Error of rows of so many rays over report cells.
@@ -301,7 +337,8 @@ impl Model<'_> {
         let share = |counted: u64| counted as f64 / count.max(1) as f64;
         let facing = share(cost.clear_pairs + cost.hidden_pairs + cost.partial_pairs);
         pairs
-            * (facing * c.tested
+            * (c.culled
+                + facing * c.tested
                 + share(cost.visibility_points) * u.powf(-POINTS) * c.point
                 + share(cost.rays) / u * c.segment)
     }
@@ -323,6 +360,21 @@ impl Model<'_> {
         let (c, pilot) = (self.constants, self.pilot);
         let meets = if pilot.closed { 1.0 } else { OPEN };
         meets * (c.ray.0 * elements.max(2.0).log2() + c.ray.1 * (pilot.blocking as f64).powf(CROSSED))
+    }
+
+    /// Share of the entries that rows of so many rays to m elements could have, which is no more than one a ray or an element: rays of the pilot meet as many as if there were n of one
+    /// size, n (1 − e^(−N/n)); n grows with elements and rays, by powers below 1 since near elements take most of the rays.
+    fn fill(&self, m: f64, rays: f64) -> f64 {
+        let met = |n: f64, rays: f64| n * (1.0 - (-rays / n).exp());
+        let few = f64::from(FEW_RAYS);
+        let (mut low, mut high) = (1e-3, 1e6 * few);
+        for _ in 0..60 {
+            let middle = (low * high).sqrt();
+            if met(middle, few) < self.pilot.met { low = middle } else { high = middle }
+        }
+        let finer = (m / self.pilot.elements.max(1) as f64).powf(MET[0]);
+        let alike = high * finer * (rays / few).powf(MET[1]);
+        (met(alike, rays) / rays.min(m)).min(1.0)
     }
 
     /// Seconds for the rows of `method` from m elements to n patches of a uniform mesh.
@@ -357,7 +409,7 @@ impl Model<'_> {
                 (Store::Hierarchical { .. }, _) => 0.0,
                 // Checks and their bound read what is held twice more.
                 (Store::Sparse, Some(rays)) => {
-                    m * m.min(0.7 * rays) * (sweeps + 3.0) * c.sparse_entry * (1.0 + m / SCATTERED)
+                    m * m.min(rays) * self.fill(m, rays) * (sweeps + 3.0) * c.sparse_entry * (1.0 + m / SCATTERED)
                 }
                 _ if strategy.solver == "cg" => m * m * (PRODUCTS * sweeps + 3.0) * c.product,
                 _ => m * m * (sweeps + 3.0) * c.entry,
@@ -377,7 +429,12 @@ impl Model<'_> {
                     bands: self.pilot.bands as u64,
                 };
                 let predicted = predict(&size, strategy);
-                let (stored_bytes, peak_bytes) = (predicted.stored_bytes, predicted.peak_bytes);
+                let stored_bytes = match (strategy.store, rays) {
+                    (Store::Sparse, Some(rays)) => (predicted.stored_bytes as f64 * self.fill(m, rays)) as u64,
+                    _ => predicted.stored_bytes,
+                };
+                // A part of the rows is there twice while they are put together, at most.
+                let peak_bytes = predicted.peak_bytes - (predicted.stored_bytes - stored_bytes);
                 return Ok(Expected { seconds, stored_bytes, peak_bytes, error, elements: m as u64, rounds });
             }
             (cells, m, rounds) = (2 * cells, next, rounds + 1);
@@ -392,7 +449,7 @@ impl Model<'_> {
                 // As many links as a matrix has pairs at first, and then what the error asks for.
                 let links = (0.5 * m * m).min(LINKS * self.pilot.indirect * m * (error / 0.005).powf(-0.7));
                 let all = self.pairs(links, f64::from(self.pilot.cells).min(cells));
-                links * c.link + 0.12 * all + self.rays(m, 0.0, cells)
+                links * c.link + BOUNDED[usize::from(self.pilot.cells == 2)] * all + self.rays(m, 0.0, cells)
             }
             _ if rays_of(strategy.method).is_none() => self.pairs(0.5 * m * m, cells),
             _ => self.rows(strategy.method, (m, cells), (m, cells)) + 0.1 * m * m * c.entry,
@@ -411,12 +468,13 @@ impl Model<'_> {
         let (own, patches) = (f64::from(cells).max(report), f64::from(cells));
         let m = self.elements(scene, own as u32)?;
         let n = self.elements(scene, cells)?;
-        let first = unsure * self.first(patches, patches >= own);
+        let first = unsure * self.first(patches);
         let blocked = usize::from(self.pilot.blocking > 0);
-        let unresolved = usize::from(blocked > 0 && patches * self.pilot.detail < 1.0);
-        let (fall, [begin, more, most]) = (FALL[blocked + unresolved], GROWTHS[blocked]);
+        let unresolved = usize::from(blocked > 0 && own * self.pilot.detail < RESOLVED);
+        let (fall, [begin, more, most]) = (FALL[blocked + unresolved], GROWTHS[blocked + unresolved]);
         let rays = rays_of(strategy.method);
         let noise = |rays: f64| unsure * self.noise(rays) * (report / own);
+        let slower = OF_ROUND[blocked];
         let mut cast = rays;
         let (mut seconds, mut rounds, mut error) = (c.mesh, 0, first);
         let (mut m_now, mut n_now, mut m_before, mut n_before) = (m, n, m, n);
@@ -427,7 +485,7 @@ impl Model<'_> {
             let (grown, k) = (m_now / m, own * (m_now / m).sqrt());
             let column = patches * (n_now / n).sqrt();
             seconds += match cast {
-                Some(rays) => self.rays(m_now, rays, k),
+                Some(rays) => slower * self.rays(m_now, rays, k),
                 None => {
                     let kept = if rounds == 0 { 0.0 } else { kept(m_before, m_now) * kept(n_before, n_now) };
                     self.pairs(m_now * n_now - kept, (k * column).sqrt())
@@ -435,10 +493,11 @@ impl Model<'_> {
             };
             let told = error <= NEAR * target.tolerance;
             let probes = PROBES.0.min(m_now) * PROBES.1[usize::from(rays.is_some())];
-            let ray = OF_PROBE * self.ray(4.0 * m_now);
+            let ray = slower * self.ray(4.0 * m_now);
             let again = if rounds == 0 { 1.0 } else { AGAIN };
-            seconds +=
-                m_now * (c.element + c.estimate) + probes * ray + m_now * n_now * (again * sweeps + 3.0) * c.entry;
+            seconds += m_now * (c.element + c.estimate)
+                + probes * ray
+                + m_now * n_now * (c.seen + (again * sweeps + 3.0) * c.entry);
             rounds += 1;
             let of_rows = cast.map_or(0.0, noise) * grown.powf(-SMOOTHED);
             let total = error.hypot(of_rows);
@@ -464,10 +523,12 @@ impl Model<'_> {
                 let factor = (of_rows / (0.5 * target.tolerance)).powi(2);
                 cast = cast.map(|rays| 2.0_f64.powf((rays * factor).log2().ceil()));
             }
-            error /= if patches < own && rounds <= FIRST_FALLS.1 { FIRST_FALLS.0 } else { fall };
+            let early = FIRST_FALLS.get(rounds as usize - 1).filter(|_| patches < own && unresolved == 0);
+            error /= early.copied().unwrap_or(fall);
             (m_before, n_before) = (m_now, n_now);
-            n_now *= (begin + more * f64::from(rounds - 1)).min(most);
-            m_now = (m_now * GROWTH).max(n_now);
+            let finer = if patches < own && unresolved == 0 { FINER_GROWTH } else { 1.0 };
+            n_now *= finer * (begin + more * f64::from(rounds - 1)).min(most);
+            m_now = (m_now * if rounds > 1 { GROWTH } else { 1.0 }).max(n_now);
         }
     }
 }
@@ -477,6 +538,8 @@ fn resolved(x: f64, [half, power]: [f64; 2]) -> f64 {
     (1.0 + (x / half).powf(power)).recip()
 }
 
+/// Time of a link's pairs in units of that of a pair of elements, by the elements of the pilot along an edge, four and two.
+const BOUNDED: [f64; 2] = [0.1, 0.3];
 /// Links an element at an error of 0.5 %, if all light were indirect.
 const LINKS: f64 = 160.0;
 

@@ -3,7 +3,7 @@
 //! On few elements e with patches p of twice their edge,
 //!
 //! ```text
-//! senders²     a² ⟨(F (B − B̄_p))²⟩ / ⟨H⟩²,   a = Σ A B / Σ A E    light sent by constants on patches in place of elements
+//! senders²     a ⟨(F (B − B̄_p))²⟩ / ⟨H⟩²,   a = Σ A B / Σ A E     light sent by constants on patches in place of elements
 //! receivers²   ⟨(H − H̄_p)²⟩ / ⟨H⟩²                                 irradiance held by constants on patches
 //! ```
 //!
@@ -11,7 +11,7 @@
 //! stand counts: of sweeps, of the pairs towards exact emitters a row, and of what pairs of elements drawn at random take. No time is looked at, so that the
 //! same scene gives the same choice. What is *not* here: the noise of rays, which is that of their number.
 
-use radiosity_core::{BandValues, Cost, Form, StopRule};
+use radiosity_core::{BandValues, Cost, Form, StopRule, StoreError};
 use radiosity_form_factors::Pairwise;
 use radiosity_form_factors::analytic::PartialVisibility;
 use radiosity_geometry::mesh::{MeshSettings, Subdivision};
@@ -35,7 +35,7 @@ const EMITTERS: usize = 8;
 /// Error of pairs with exact emitters, and segments of those that are partly blocked: large ones have more.
 const TO_EMITTERS: (f64, PartialVisibility) =
     (1e-3, PartialVisibility::Rays { samples: 1, standard_error: f64::INFINITY });
-/// Pairs of elements drawn; half as many of those whose visible part is cut out, which takes longer.
+/// Pairs of elements drawn; three quarters as many of those whose visible part is cut out, which takes longer.
 const PAIRS: usize = 64;
 /// Pairs of an element and an exact emitter drawn.
 const EMITTER_PAIRS: usize = 32;
@@ -43,6 +43,8 @@ const EMITTER_PAIRS: usize = 32;
 const FEWER: u32 = 8;
 /// Errors by senders and receivers that are taken for granted on one element a face: that by senders of white faces, it takes two reflections.
 const USUAL: (f64, f64) = (1.3, 0.3);
+/// Rows of rays that tell how many elements they meet.
+const ROWS: usize = 16;
 /// Error of form factors where nothing blocks.
 const COARSE: f64 = 1e-2;
 /// Unshot share of the solution.
@@ -79,6 +81,8 @@ pub struct Pilot {
     pub indirect: f64,
     /// Sweeps to an unshot share of 1e-4.
     pub sweeps: u64,
+    /// Elements that [`FEW_RAYS`] rays from one meet, mean over some.
+    pub met: f64,
     /// Pairs with exact emitters drawn, and their counts of pairs, points and segments; none where nothing blocks.
     pub to_emitters: (usize, Cost),
     /// Pairs drawn, and their counts by the pairwise estimator.
@@ -119,6 +123,7 @@ impl Pilot {
             receivers: solved.receivers,
             indirect: solved.indirect,
             sweeps: solved.sweeps,
+            met: met(&geometry, seed)?,
             to_emitters,
         })
     }
@@ -143,6 +148,20 @@ fn detail(scene: &Scene, blocking: usize) -> f64 {
     let of_lit = if lit > 0.0 { (lit / largest).sqrt() } else { 1.0 };
     let usual = (areas[areas.len() / 2] / largest).sqrt();
     if blocking > 0 { (of_lit * usual).sqrt() } else { of_lit }
+}
+
+/// Elements that rays from one meet, mean over [`ROWS`] of them.
+fn met(geometry: &Geometry<'_>, seed: u64) -> Result<f64, RunError> {
+    let m = geometry.elements().len();
+    let rows = rows(geometry, Method::rays(FEW_RAYS), Form::Full, seed)?;
+    let count = ROWS.min(m);
+    let entries = |k: usize| -> Result<usize, StoreError> {
+        let mut row = vec![0.0; m];
+        rows.row(k * m / count, &mut row)?;
+        Ok(row.iter().filter(|f| **f > 0.0).count())
+    };
+    let all: Result<Vec<usize>, StoreError> = (0..count).into_par_iter().map(entries).collect();
+    Ok(all?.iter().sum::<usize>() as f64 / count.max(1) as f64)
 }
 
 /// What a coarse solution tells.
@@ -189,7 +208,7 @@ fn solve(geometry: &Geometry<'_>, seed: u64) -> Result<Solved, RunError> {
     let emitted = mean(&areas, &geometry.emission(), |e| e);
     let reflected = if emitted > 0.0 { mean(&areas, b, |b| b) / emitted } else { 1.0 };
     Ok(Solved {
-        senders: reflected * rms(&lost),
+        senders: reflected.max(0.0).sqrt() * rms(&lost),
         receivers: rms(&apart(geometry, &areas, h)),
         indirect: 1.0 - reflected.max(1.0).recip(),
         sweeps: solution.steps,
@@ -248,7 +267,7 @@ fn draw(geometry: &Geometry<'_>, targets: &Facets, (pairs, most): (Method, usize
             let fewer = samples.min(FEWER);
             (PartialVisibility::Rays { samples: samples / fewer, standard_error }, fewer, most)
         }
-        exact @ PartialVisibility::Exact { .. } => (exact, 1, most / 2),
+        exact @ PartialVisibility::Exact { .. } => (exact, 1, most * 3 / 4),
     };
     let analytic = analytic(geometry.blockers(), partial);
     // Steps of the golden section meet sources and targets evenly.
