@@ -8,15 +8,14 @@
 //! the tolerance; runs are repeated turn by turn, and the median counts. A run is cut off between two meshes where the next one would take it beyond ten times the best so far; a candidate that took
 //! three times as long as the best in the first turn is not repeated, and scenes of which a turn takes seconds have fewer turns. The best in hindsight is the fastest that met the tolerance by its own estimate and
 //! against the reference. Constants of the cost model were fitted on other members of the same families (other sizes, seeds, reflectances) and not on these
-//! scenes, but for the two rooms and that with a black floor, of which there is one each. Times are predicted with constants scaled to the machine as it is when a scene is begun (as by `--calibrate`), and by those of the default; it is by the default that
-//! strategies are chosen. References: exact pairs on a mesh that nests in the report cells, or rows of many rays where more than a dozen polygons block. Read: regret 1 is the best; points of predicted against measured
+//! scenes, but for the two rooms and that with a black floor, of which there is one each. References: exact pairs on a mesh that nests in the report cells, or rows of many rays where more than a dozen polygons block. Read: regret 1 is the best; points of predicted against measured
 //! time lie on the diagonal. Not shown: scenes for which all candidates take seconds, and other machines. Which runs are cut off depends on the clock, so that rows of slow
 //! candidates may come and go; what is chosen does not, and the tiny profile cuts nothing off.
 
 use std::error::Error;
 use std::time::Instant;
 
-use radiosity::choice::{Candidate, Ranked, Reached, Refine, Target};
+use radiosity::choice::{Candidate, Reached, Refine, Target};
 use radiosity::{Choice, Constants, GridValues, Wanted};
 use radiosity_core::{mix, uniform};
 use radiosity_experiments::{Context, Experiment, Profile, Record, Row, Tables, group_by};
@@ -217,7 +216,6 @@ fn measure(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
     let turns = context.profile().pick(1, 3, 5);
     let wanted = Wanted { report_grid: case.grid, ..Wanted::tolerance(case.tolerance) };
     let constants = Constants::default();
-    let here = Choice::new(&case.scene, &wanted, &Constants::measured_on(&case.scene, 1)?)?;
     // What is allocated first is not what is measured.
     let choice = Choice::new(&case.scene, &wanted, &constants)?;
     let limited = context.profile() != Profile::Tiny;
@@ -291,7 +289,6 @@ fn measure(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
             .float("reference_error", truth.error)
             .float("predicted_seconds", ranked.expected.seconds)
             .repetitions("time", &tried.times)
-            .seconds("predicted_here", expected_here(&here, ranked))
             .seconds("time_of_candidate", middle);
         let record = if rank == 0 {
             record.seconds("choice_and_run", median(&mut chosen_times)).seconds("choice", choice.time.as_secs_f64())
@@ -303,19 +300,12 @@ fn measure(context: &mut Context, case: &Case) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What is expected of the same candidate by other constants.
-fn expected_here(here: &Choice, ranked: &Ranked) -> f64 {
-    let same = here.ranking.iter().find(|other| other.candidate.name == ranked.candidate.name);
-    same.map_or(ranked.expected.seconds, |same| same.expected.seconds)
-}
-
 /// What came of one case.
 struct Came {
     name: String,
     regret: f64,
-    /// Measured over predicted time, by constants measured beforehand and by those of the default, and memory of form factors, and the error over the tolerance, of the chosen one.
+    /// Measured over predicted time and memory of form factors, and the error over the tolerance, of the chosen one.
     time: f64,
-    by_default: f64,
     memory: f64,
     error: f64,
     best: String,
@@ -335,8 +325,7 @@ fn came(tables: &Tables) -> Vec<Came> {
         Some(Came {
             name,
             regret: chosen.seconds("choice_and_run") / time(best),
-            time: time(&chosen) / chosen.seconds("predicted_here"),
-            by_default: time(&chosen) / chosen.number("predicted_seconds"),
+            time: time(&chosen) / chosen.number("predicted_seconds"),
             memory: chosen.number("stored_bytes") / chosen.number("predicted_bytes"),
             error: chosen.number("error") / chosen.number("tolerance"),
             best: best.text("candidate").to_owned(),
@@ -389,7 +378,7 @@ impl Experiment for StrategyChoice {
         let against = |chosen: bool, label: &str| {
             let rows = tables.select(|r| (r.int("rank") == Some(1)) == chosen && r.text("outcome") == "converged");
             let points = rows.into_iter().map(|r| Point {
-                x: r.seconds("predicted_here"),
+                x: r.number("predicted_seconds"),
                 y: r.seconds("time_of_candidate"),
                 quality: Quality::Good,
             });
@@ -420,10 +409,10 @@ impl Experiment for StrategyChoice {
         let within = |ratio: f64, factor: f64| ratio <= factor && ratio >= factor.recip();
         let missed = all.iter().map(|c| c.error).fold(0.0, f64::max);
         let of_all = tables.select(|r| r.text("outcome") == "converged");
-        let in_time = |predicted: &dyn Fn(&Row<'_>) -> f64| {
-            let met = of_all.iter().filter(|r| within(r.seconds("time_of_candidate") / predicted(r), 2.0)).count();
-            numbers::percent(met as f64 / of_all.len().max(1) as f64)
-        };
+        let of_all_in_time = of_all
+            .iter()
+            .filter(|r| within(r.seconds("time_of_candidate") / r.number("predicted_seconds"), 2.0))
+            .count();
         vec![
             format!(
                 "In {} scenes the chosen strategy with its choice takes {middle:.2} times as long as the best in hindsight (median), {:.2} times at worst ({}, where '{}' is best).",
@@ -433,12 +422,10 @@ impl Experiment for StrategyChoice {
                 worst.best
             ),
             format!(
-                "Times of chosen strategies are predicted within a factor of 2 in {} of the scenes with constants measured beforehand, in {} with those of the default (of all {} candidates that came to the tolerance: {} and {}), memory of form factors within 10 % in {}.",
+                "Times of chosen strategies are predicted within a factor of 2 in {} of the scenes (of all {} candidates that came to the tolerance: {}), memory of form factors within 10 % in {}.",
                 share(&|c| within(c.time, 2.0)),
-                share(&|c| within(c.by_default, 2.0)),
                 of_all.len(),
-                in_time(&|r| r.seconds("predicted_here")),
-                in_time(&|r| r.number("predicted_seconds")),
+                numbers::percent(of_all_in_time as f64 / of_all.len().max(1) as f64),
                 share(&|c| (c.memory - 1.0).abs() <= 0.1),
             ),
             format!(

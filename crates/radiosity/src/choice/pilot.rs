@@ -81,7 +81,7 @@ pub struct Pilot {
     pub indirect: f64,
     /// Sweeps to an unshot share of 1e-4.
     pub sweeps: u64,
-    /// Elements that [`FEW_RAYS`] rays from one meet, mean over some.
+    /// Elements that 256 rays from one meet, mean over some.
     pub met: f64,
     /// Pairs with exact emitters drawn, and their counts of pairs, points and segments; none where nothing blocks.
     pub to_emitters: (usize, Cost),
