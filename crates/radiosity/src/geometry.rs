@@ -173,6 +173,13 @@ impl<'a> Geometry<'a> {
         &self.exposed
     }
 
+    /// Exposed element of every element of the mesh; `usize::MAX` of covered ones.
+    pub(crate) fn places(&self) -> Vec<usize> {
+        let mut places = vec![usize::MAX; self.mesh.elements.len()];
+        self.exposed.iter().enumerate().for_each(|(k, &e)| places[e as usize] = k);
+        places
+    }
+
     /// Exposed elements: m of them.
     pub fn elements(&self) -> &Facets {
         &self.elements

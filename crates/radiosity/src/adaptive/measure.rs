@@ -176,8 +176,7 @@ fn probe(
     let mesh = geometry.mesh();
     let refined = mesh.refined(&vec![true; mesh.elements.len()]);
     let fine = geometry.on(refined.mesh);
-    let mut place = vec![0; mesh.elements.len()];
-    geometry.exposed().iter().enumerate().for_each(|(k, &e)| place[e as usize] = k);
+    let place = geometry.places();
     let of: Vec<usize> = fine.exposed().iter().map(|&e| place[refined.origins[e as usize].index()]).collect();
     let (rho, means) = (geometry.reflectance(), patch_means(state, b));
     let apart = differences(state, variation, (&fine, &of), level)?;

@@ -57,8 +57,7 @@ pub(super) fn receivers(state: &State<'_>, adaptive: &Adaptive) -> Result<Vec<Re
     if state.asked.is_view() || areas.iter().zip(&cells).all(|(area, cell)| *area >= cell * (1.0 - 1e-9)) {
         return Ok(elements());
     }
-    let mut place = vec![0; geometry.mesh().elements.len()];
-    geometry.exposed().iter().enumerate().for_each(|(k, &e)| place[e as usize] = k);
+    let place = geometry.places();
     let grid = geometry.mesh().report_grid(geometry.scene(), k)?;
     let receiver = |cell: ReportCell| {
         let area: f64 = cell.overlaps.iter().map(|overlap| overlap.1).sum();

@@ -40,8 +40,7 @@ impl Variation {
     /// Of `h` on the exposed elements.
     pub(super) fn new(geometry: &Geometry<'_>, h: &BandValues) -> Self {
         let (mesh, m) = (geometry.mesh(), h.len());
-        let mut place = vec![usize::MAX; mesh.elements.len()];
-        geometry.exposed().iter().enumerate().for_each(|(k, &e)| place[e as usize] = k);
+        let place = geometry.places();
         let neighbours = Neighbours::new(mesh);
         let polygon = |k: usize| &geometry.elements().polygons(k)[0];
         let of = |k: usize| {

@@ -51,7 +51,7 @@ const RESOLVED: f64 = 0.6;
 /// By what the first round multiplies patches, by how much more the next ones do, and the most of it: the same three. By how much more where elements are finer.
 const GROWTHS: [[f64; 3]; 3] = [[1.3, 0.15, 1.65], [1.15, 0.1, 1.5], [1.02, 0.01, 1.1]];
 const FINER_GROWTH: f64 = 1.2;
-/// The same division in the first rounds of patches of finer elements.
+/// By what the first rounds divide the error of patches of finer elements.
 const FIRST_FALLS: [f64; 2] = [2.6, 2.0];
 /// Error by senders of the first patches, 4 along an edge, of an adaptive run and power by which it falls with their number, in units of the pilot's: where nothing blocks;
 /// where something does, also in units of how irradiance varies.
